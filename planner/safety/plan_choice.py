@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -17,12 +16,14 @@ from planner.motion.dynamics import REST
 from planner.motion.goal import ONWARD_GOAL_RADIUS, PLAN_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import Plan
-from planner.mpc.initial_guess import LOOK, shifted, stop_controls
-from planner.mpc.mpc import MPC, MPCConfig, Solution
+from planner.mpc.initial_guess import shifted, stop_controls
+from planner.mpc.mpc import MPC, MPCConfig
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
-from planner.safety.tube import EXACT, Tube, growth, planned
+from planner.safety.safe_solver import SafeSolver, moves
+from planner.safety.situation import Situation
+from planner.safety.tube import EXACT, planned
 
 FRESH_GUESS_SPEED = 0.3
 """Speed below which the MPC always starts from a pure-pursuit guess, too, since the last plan may
@@ -32,35 +33,8 @@ LEG_LOOK = 0.3
 LEG_STOP = 0.05
 """Distance from a leg's end within which the car stops at once [m], so that it does not creep. The
 guide accepts a larger one, `GuideConfig.leg_end`."""
-STANDS_STILL = 0.1
-"""A plan that ends within this distance of its start counts as standing still [m]."""
-TUBES = 3
-"""Number of times that a plan is computed, each time with the tube of the one before."""
-START_STEPS = (8, 5, 3)
-"""Numbers of steps that a car may drive before it brakes if it would wait otherwise."""
 EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
 """Distances along the path before the best plan's end at which a stop is tried instead [m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Situation:
-    """The situation of a tick, for which a plan is chosen.
-
-    Attributes:
-        state: x, y, yaw, v of the car when the control acts, mirrored in reverse, (4,).
-        risk: newest risk map around the car.
-        path: path to follow, or None.
-        segment: index of the path's segment near which the car is.
-        on_leg: whether the path is a leg of a recovery manoeuvre, at whose end the car stops.
-        tube: how far the car may be from plans that begin with this state.
-    """
-
-    state: NDArray[np.float64]
-    risk: RiskMap
-    path: Path | None
-    segment: int
-    on_leg: bool
-    tube: Tube = EXACT
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,13 +63,6 @@ class _Intention(NamedTuple):
 
     plan: Plan
     faults: tuple[Fault, ...] = ()
-
-
-class _Solutions(NamedTuple):
-    """The safe plans that the MPC found, and the faults that were handled."""
-
-    plans: list[Plan]
-    faults: tuple[Fault, ...]
 
 
 class Memory(NamedTuple):
@@ -140,9 +107,10 @@ class PlanChooser:
         bounds: ErrorBounds = NO_ERRORS,
     ) -> None:
         self.goal = goal
-        # The MPC's body grows with the tube, see `_solutions`.
+        # The MPC's body grows with the tube, see `SafeSolver`.
         self.mpc = MPC(replace(planned(car, bounds), body=car.body), config)
         self.checker = CollisionChecker(car, config.dt)
+        self.solver = SafeSolver(self.mpc, self.checker)
         self.resort = LastResort(self.mpc, self.checker, window)
         self._bounded = not (bounds.senses_exactly and bounds.moves_exactly)
         self.forget()
@@ -209,7 +177,8 @@ class PlanChooser:
             afresh: whether the MPC starts from a pure-pursuit guess, too.
         """
         if now.tube != self.checker.tube:
-            self.checker = self.resort.checker = replace(self.checker, tube=now.tube)
+            checker = replace(self.checker, tube=now.tube)
+            self.checker = self.solver.checker = self.resort.checker = checker
         intended, faults = self._decide(now, afresh)
         intended = plan = self._without_waiting(now, intended)
         last = None if afresh else self._last_cautious
@@ -289,11 +258,11 @@ class PlanChooser:
             return None
         there = replace(now, risk=now.risk.cautious)
         guess = (
-            self._pursuit(there, now.path)
+            self.solver.pursuit(there, now.path)
             if last is None
             else shifted(last.controls, self.mpc.limits.braking)
         )
-        plans, more = self._solutions(there, now.path, [guess])
+        plans, more = self.solver.solutions(there, now.path, [guess], self._curvature)
         faults += more
         self._last_cautious = next(iter(plans), None)
         return self._last_cautious
@@ -316,8 +285,8 @@ class PlanChooser:
 
         guesses = [rest.controls]
         if afresh or not safe or now.state[3] < FRESH_GUESS_SPEED:
-            guesses.append(self._pursuit(now, path))
-        solved, faults = self._solutions(now, path, guesses)
+            guesses.append(self.solver.pursuit(now, path))
+        solved, faults = self.solver.solutions(now, path, guesses, self._curvature)
         if not solved:
             faults = (*faults, Fault.NO_SAFE_SOLUTION)
         candidates = sorted(solved + safe, key=cost)
@@ -326,10 +295,10 @@ class PlanChooser:
         # The plan that reaches the goal first, or else the cheapest. The drive ends at the goal, so
         # the cost of what follows must not make the car miss it.
         best = min(candidates, key=self._arrival)
-        if now.tube != EXACT and now.state[3] < REST and not _moves(best):
+        if now.tube != EXACT and now.state[3] < REST and not moves(best):
             # The circles of the MPC grow more than the body, so that its best plan may be to wait
             # where there is room enough to drive.
-            best = next(filter(_moves, candidates), best)
+            best = next(filter(moves, candidates), best)
         if self.goes_on(best, now.risk):
             return _Intention(best, faults)
         # A car that cannot reverse should not stop with its front against a wall.
@@ -343,7 +312,7 @@ class PlanChooser:
         others = [*candidates, *sorted(stops, key=cost)]
         # A plan that stands still is no better than a stop at the wall.
         onward = next(
-            (plan for plan in filter(_moves, others) if self.goes_on(plan, now.risk)), best
+            (plan for plan in filter(moves, others) if self.goes_on(plan, now.risk)), best
         )
         return _Intention(onward, faults)
 
@@ -366,7 +335,7 @@ class PlanChooser:
         """
         left = np.vstack([now.state[:2], leg.points[now.segment + 1 :]])
         length = float(np.hypot(*np.diff(left, axis=0).T).sum())
-        pursued = self.mpc.roll(now.state, self._pursuit(now, leg, LEG_LOOK, length))
+        pursued = self.mpc.roll(now.state, self.solver.pursuit(now, leg, LEG_LOOK, length))
         if self.checker.is_safe(pursued, now.risk):
             safe = [pursued, *safe]
         if not safe:
@@ -402,10 +371,10 @@ class PlanChooser:
 
         Otherwise the solver may return, tick after tick, a plan that starts to move only later.
         """
-        moves = np.flatnonzero(plan.states[1:, 3] > 1e-3)
-        if now.state[3] > 0.0 or not len(moves) or moves[0] == 0:
+        moving = np.flatnonzero(plan.states[1:, 3] > 1e-3)
+        if now.state[3] > 0.0 or not len(moving) or moving[0] == 0:
             return plan
-        first = int(moves[0])
+        first = int(moving[0])
         rest = stop_controls(first, self.mpc.limits.braking, float(plan.controls[-1, 1]))
         sooner = self.mpc.roll(now.state, np.vstack([plan.controls[first:], rest]))
         return sooner if self.checker.is_safe(sooner, now.risk) else plan
@@ -425,89 +394,10 @@ class PlanChooser:
             if last < now.segment + 3:
                 break
             shorter = Path(path.points[:last], path.source)
-            solved, more = self._solutions(now, shorter, [self._pursuit(now, shorter)])
+            guess = self.solver.pursuit(now, shorter)
+            solved, more = self.solver.solutions(now, shorter, [guess], self._curvature)
             faults += more
             for plan in solved:
                 if self.goes_on(plan, now.risk):
                     return plan, faults
         return None, faults
-
-    def _solutions(
-        self, now: Situation, path: Path, guesses: list[NDArray[np.float64]]
-    ) -> _Solutions:
-        """Return the safe ones among the plans that the MPC computes from some guesses."""
-        solved, faults = list[Plan](), list[Fault]()
-        for guess in guesses:
-            try:
-                solution = self._solution(now, path, guess)
-            except Exception:
-                # A solver may raise anything; there is another plan, or the car stops.
-                faults.append(Fault.SOLVER_FAILED)
-                continue
-            if solution.failed:
-                faults.append(Fault.SOLVER_FAILED)
-            if self.checker.is_safe(solution.plan, now.risk):
-                solved.append(solution.plan)
-        if now.tube != EXACT and not any(map(_moves, solved)):
-            # The MPC knows the tube only from plan to plan; a guess may stay inside the safe set.
-            starts = (start for guess in guesses for start in self._starts(guess))
-            rolled = (self.mpc.roll(now.state, guess) for guess in (*guesses, *starts))
-            solved += [plan for plan in rolled if self.checker.is_safe(plan, now.risk)]
-        return _Solutions(solved, tuple(faults))
-
-    def _starts(self, guess: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-        """Yield the first steps of a guess, after which the car brakes: their tube is narrow."""
-        for steps in START_STEPS:
-            start = guess.copy()
-            start[steps:] = -self.mpc.limits.braking, guess[steps - 1, 1]
-            yield start
-
-    def _solution(self, now: Situation, path: Path, guess: NDArray[np.float64]) -> Solution:
-        """Return the MPC's plan from a guess, which keeps its tube in the safe set if possible.
-
-        The tube of a plan is known only with the plan: it is that of the guess at first.
-        """
-        if now.tube != EXACT:
-            self.mpc.growth = self._growth(now, self.mpc.roll(now.state, guess))
-        for again in range(TUBES):
-            solution = self.mpc.solve(
-                now.state, path, now.risk, guess, now.segment, self._curvature
-            )
-            plan = solution.plan
-            if now.tube == EXACT or again == TUBES - 1 or self.checker.is_safe(plan, now.risk):
-                break
-            self.mpc.growth = np.maximum(self.mpc.growth, self._growth(now, plan))
-            guess = plan.controls
-        return solution
-
-    def _growth(self, now: Situation, plan: Plan) -> NDArray[np.float64]:
-        """Return how much the circles of the MPC grow with a plan's tube [m], (N+1,)."""
-        # The corners of a body that grows on every side move out diagonally.
-        dt = self.mpc.config.dt
-        return math.sqrt(2.0) * np.asarray(growth(now.tube, plan.states, plan.controls, dt))
-
-    def _pursuit(
-        self, now: Situation, path: Path, look: float = LOOK, free: float = math.inf
-    ) -> NDArray[np.float64]:
-        """Return pure-pursuit controls (N, 2) along a path, which stop before an unsafe cell.
-
-        Args:
-            now: situation of the tick.
-            path: path to follow.
-            look: distance of the point to aim at, at least [m].
-            free: distance within which the car is to stop [m].
-        """
-        controls = np.zeros((self.mpc.stages, 2))
-        for _ in range(2):
-            controls = self.mpc.pursue(now.state, path, now.segment, look, free)
-            rolled = self.mpc.roll(now.state, controls)
-            met = self.checker.contact(rolled, ~now.risk.safe, now.risk.frame)
-            if met is None:
-                break
-            free = min(free, max(met[0] - 0.1, 0.0))
-        return controls
-
-
-def _moves(plan: Plan) -> bool:
-    """Return whether a plan does not stand still."""
-    return math.dist(*plan.states[[0, -1], :2]) > STANDS_STILL

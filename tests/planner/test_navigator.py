@@ -17,7 +17,7 @@ from planner.navigator_config import NavigatorConfig
 from planner.risk.adaptive_level import DOUBT_KEPT
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
-from planner.safety.plan_choice import Situation
+from planner.safety.situation import Situation
 from sim import DubinsCar, generate, sample_task
 from sim.episode import EpisodeConfig, Outcome
 

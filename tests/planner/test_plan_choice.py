@@ -12,7 +12,7 @@ from planner.fault import Fault
 from planner.motion.path import Path
 from planner.mpc.mpc import Solution, Status
 from planner.risk.risk_map import RiskMap
-from planner.safety.plan_choice import Situation
+from planner.safety.situation import Situation
 from sim import DubinsCar
 from sim.world import World
 
