@@ -118,7 +118,7 @@ def _run(
     from benchmarks.runs.drive import attempt_arm, run_fingerprint
     from benchmarks.runs.saved_run import RESULTS, Run
     from benchmarks.runs.store import Store
-    from benchmarks.runs.summary import in_words, main_table, title
+    from benchmarks.runs.summary_text import in_words, main_table, title
     from benchmarks.runs.tasks import input_hashes, limit_speed, read_rules
     from benchmarks.runs.time_optimal import read_t_opt
     from benchmarks.runs.warm_up import warm_up_if_cold

@@ -19,7 +19,7 @@ from foresee.infra.options import Options, argument, option
 from foresee.infra.results_file import COMMANDS, read_results
 
 TABLES = {
-    "comparison": "benchmarks.runs.summary:comparison",
+    "comparison": "benchmarks.runs.summary_text:comparison",
     "optimum": "benchmarks.runs.time_optimal:table",
     "attack": "benchmarks.studies.robustness.hostile_drives:table",
     "errors": "benchmarks.studies.robustness.error_tables:tables",

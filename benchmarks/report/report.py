@@ -19,16 +19,8 @@ from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.episodes_csv import write_episodes
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import up_to_date
-from benchmarks.runs.summary import (
-    NO_EPISODE,
-    all_rows,
-    gap,
-    in_words,
-    main_rows,
-    remarks,
-    summarise,
-    title,
-)
+from benchmarks.runs.summary import gap, summarise
+from benchmarks.runs.summary_text import NO_EPISODE, all_rows, in_words, main_rows, remarks, title
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.drawing import as_svg, own_style
 

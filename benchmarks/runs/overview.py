@@ -7,7 +7,8 @@ from typing import Any
 
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import checked, up_to_date
-from benchmarks.runs.summary import EARLIER, broken, gap, summarise
+from benchmarks.runs.summary import gap, summarise
+from benchmarks.runs.summary_text import EARLIER, broken
 from foresee.infra.markdown import DASH, figure, interval, records
 
 

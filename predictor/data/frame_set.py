@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.environment import commit, own_version
-from foresee.infra.resumable import ResumableFolder, refuse_other_settings, write_arrays
+from foresee.infra.part_file import write_arrays
+from foresee.infra.resumable import ResumableFolder, refuse_other_settings
 from foresee.mapping.conventions import CROP_CELLS, RESOLUTION
 from foresee.mapping.grid import GridFrame, OccupancyGrid
 from predictor.data.frames import (

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.infra.errors import LineError, one_line
-from foresee.infra.resumable import Part, read_part, write_part
+from foresee.infra.part_file import Part, read_part, write_part
 
 MOST_BYTES = 2**30
 """Largest size of the arrays of a file [bytes]; those of a drive have a few MB."""

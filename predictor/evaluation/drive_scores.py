@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit, machine
 from foresee.infra.markdown import markdown, span
+from foresee.infra.part_file import Part
 from foresee.infra.plain_json import without_nan
 from foresee.infra.progress import progress
 from foresee.infra.results_file import write_results
-from foresee.infra.resumable import Part, ResumableFolder
+from foresee.infra.resumable import ResumableFolder
 from foresee.infra.workers import finished
 from foresee.statistics import MIN_GROUPS
 from predictor.evaluation import scored_drive

@@ -11,7 +11,7 @@ from drive_results import a_result
 from benchmarks.runs.drive import attempt_arm
 from benchmarks.runs.store import Store
 from benchmarks.runs.trace import Drive, Trace
-from foresee.infra import resumable
+from foresee.infra import part_file
 from foresee.infra.workers import LostError
 from predictor.registry import PredictorError
 from sim.map_server import MapError
@@ -34,7 +34,7 @@ def test_a_full_disk_gives_one_line_and_what_was_done_is_kept(
         "--out",
         tmp_path / "run",
     )
-    plain, written = resumable.write_whole, []
+    plain, written = part_file.write_whole, []
 
     def full(path, data):
         if written.count(".npz") == 1:
@@ -43,7 +43,7 @@ def test_a_full_disk_gives_one_line_and_what_was_done_is_kept(
         plain(path, data)
 
     with monkeypatch.context() as patched:
-        patched.setattr(resumable, "write_whole", full)
+        patched.setattr(part_file, "write_whole", full)
         assert run(*command) == 1
     said = capsys.readouterr().err.splitlines()[-1]
     assert "No space left on device; what was finished is kept" in said

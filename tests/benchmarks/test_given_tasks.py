@@ -15,7 +15,8 @@ from benchmarks.calibration.certificate import at_risk
 from benchmarks.runs.drive import attempt, drive
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.statistics import barn_score
-from benchmarks.runs.summary import summarise, table
+from benchmarks.runs.summary import summarise
+from benchmarks.runs.summary_text import table
 from benchmarks.runs.tasks import input_hashes, make_task
 from foresee.infra.command_line import UsageError
 from foresee.infra.workers import WorkersError

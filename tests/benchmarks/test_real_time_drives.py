@@ -7,7 +7,8 @@ from short_drive import straight
 
 from benchmarks.runs.drive import drive
 from benchmarks.runs.settings import Settings
-from benchmarks.runs.summary import main_table, summarise, title
+from benchmarks.runs.summary import summarise
+from benchmarks.runs.summary_text import main_table, title
 from benchmarks.runs.warm_up import warm_up_if_cold
 
 

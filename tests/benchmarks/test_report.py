@@ -31,7 +31,8 @@ from benchmarks.report.report import LISTS, MOST, report, write_report
 from benchmarks.runs.beliefs import BLOCK, CERTAIN
 from benchmarks.runs.episodes_csv import COLUMNS, write_episodes
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.summary import main_rows, summarise
+from benchmarks.runs.summary import summarise
+from benchmarks.runs.summary_text import main_rows
 from benchmarks.runs.trace import RunError
 from planner.safety.limiting_factor import Limit
 

@@ -14,7 +14,7 @@ from drive_results import a_result
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.store import Store
 from benchmarks.runs.trace import Drive, Trace
-from foresee.infra import resumable
+from foresee.infra import part_file
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import several_states
 from planner.revision import FIRST
@@ -93,7 +93,7 @@ def interrupted(*_):
 
 
 def test_a_drive_that_was_written_but_not_noted_is_there_the_next_time(tmp_path, monkeypatch):
-    plain = resumable.write_whole
+    plain = part_file.write_whole
 
     def written(path, data):
         plain(path, data)
@@ -102,7 +102,7 @@ def test_a_drive_that_was_written_but_not_noted_is_there_the_next_time(tmp_path,
     with Store(tmp_path, TWO, None) as run:
         run.add(driven(0, "known"))
         with monkeypatch.context() as patched:
-            patched.setattr(resumable, "write_whole", written)
+            patched.setattr(part_file, "write_whole", written)
             with pytest.raises(KeyboardInterrupt):
                 run.add(driven(1, "known"))
         assert keys(run.pack()["episodes"]) == [(0, "known")]
@@ -225,7 +225,7 @@ def test_of_traces_with_a_flipped_byte_what_is_whole_is_kept(tmp_path, monkeypat
     data = bytearray(traces.read_bytes())
     data[entry.header_offset + 30 + len(entry.filename) + entry.compress_size // 2] ^= 0xFF
     traces.write_bytes(bytes(data))
-    plain, written = resumable.write_whole, []
+    plain, written = part_file.write_whole, []
 
     def killed(path, data):
         written.append(path)
@@ -235,7 +235,7 @@ def test_of_traces_with_a_flipped_byte_what_is_whole_is_kept(tmp_path, monkeypat
 
     if kills:
         with monkeypatch.context() as patched:
-            patched.setattr(resumable, "write_whole", killed)
+            patched.setattr(part_file, "write_whole", killed)
             with pytest.raises(KeyboardInterrupt):
                 again(tmp_path)
     missing, notes, results = again(tmp_path)

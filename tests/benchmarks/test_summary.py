@@ -5,7 +5,8 @@ import re
 import pytest
 from drive_results import a_result
 
-from benchmarks.runs.summary import gap, in_words, main_table, summarise, table
+from benchmarks.runs.summary import gap, summarise
+from benchmarks.runs.summary_text import in_words, main_table, table
 
 
 def summary_of(worlds, jitter=0.0, **changes):

@@ -24,7 +24,7 @@ from benchmarks.calibration.certificate import load_calibration
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
-from benchmarks.runs.summary import title
+from benchmarks.runs.summary_text import title
 from benchmarks.runs.time_optimal import read_t_opt
 from benchmarks.runs.trace import RunError, Trace
 from benchmarks.tables import main as main_of_tables

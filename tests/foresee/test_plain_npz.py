@@ -6,8 +6,9 @@ import zipfile
 import numpy as np
 import pytest
 
+from foresee.infra.part_file import read_part, write_arrays
 from foresee.infra.plain_npz import NpzError, PlainNpz, read_npz
-from foresee.infra.resumable import ResumableFolder, read_part, write_arrays
+from foresee.infra.resumable import ResumableFolder
 
 
 def member(head, data=b""):

@@ -32,7 +32,8 @@ from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.store import Store
-from benchmarks.runs.summary import summarise, table, title
+from benchmarks.runs.summary import summarise
+from benchmarks.runs.summary_text import table, title
 from benchmarks.runs.time_optimal import ENTRY, KIND, read_t_opt
 from benchmarks.runs.trace import Drive, RunError, Trace
 from foresee.infra.command_line import UsageError

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant
 from benchmarks.studies.katyal2018.stretch_scores import Stretch, class_shares, score
 from foresee.infra.environment import commit
+from foresee.infra.part_file import Part
 from foresee.infra.progress import progress
-from foresee.infra.resumable import Part, ResumableFolder
+from foresee.infra.resumable import ResumableFolder
 from foresee.infra.workers import finished
 from foresee.mapping.polyline import arc_length
 from predictor.data.frames import MANIFEST, Frames, FramesError, checksum, read_manifest

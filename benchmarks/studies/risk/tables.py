@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from benchmarks.runs.summary import EARLIER
+from benchmarks.runs.summary_text import EARLIER
 from benchmarks.studies.risk.series import PROMISE
 from foresee.infra.markdown import DASH, interval, records, span
 from foresee.mapping.family_names import FAMILIES

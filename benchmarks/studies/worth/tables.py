@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
-from benchmarks.runs.summary import EARLIER, NOT_CERTIFIED
+from benchmarks.runs.summary_text import EARLIER, NOT_CERTIFIED
 from benchmarks.studies.worth.series import WINDOWS
 from foresee.infra.markdown import interval, records
 

@@ -12,7 +12,7 @@ from drive_results import a_result
 from benchmarks import corridor, tables
 from benchmarks.calibration.certificate import conditions_for
 from benchmarks.runs.settings import Settings
-from benchmarks.runs.summary import EARLIER
+from benchmarks.runs.summary_text import EARLIER
 from benchmarks.studies.risk import __main__ as risk
 from benchmarks.studies.risk import series as study
 from benchmarks.studies.risk.drives import saved_drives
