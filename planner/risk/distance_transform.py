@@ -81,7 +81,7 @@ def _transform(mask):  # type: ignore[no-untyped-def]
                 top -= 1
             top += 1
             roots[top] = q
-            starts[top] = crossing if top else -np.inf
+            starts[top] = crossing
         starts[top + 1] = np.inf
         start = first
         for k in range(top + 1):

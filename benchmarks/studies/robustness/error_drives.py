@@ -20,7 +20,7 @@ from benchmarks.runs.tasks import make_task
 from benchmarks.studies.robustness.among_people import CrowdedLidar, first_touch
 from benchmarks.studies.robustness.hostile_drives import driven
 from benchmarks.studies.robustness.scenario import Scenario
-from benchmarks.studies.robustness.worst_errors import WorstErrors
+from benchmarks.studies.robustness.worst_errors import MOST, WorstErrors
 from foresee.infra.environment import commit
 from foresee.mapping.conventions import NOISE_CUT
 from foresee.mapping.family_names import FAMILIES
@@ -47,14 +47,10 @@ LIE = "free, confidence 1.0"
 COSTS = (
     *({"delay": delay} for delay in (0.0, 0.1, 0.2, 0.3)),
     *({"pose_error": error} for error in (0.02, 0.05)),
-    {"yaw_error": 0.02},
-    {"jitter": 0.05},
-    {"lag": 0.2},
-    {"noise": 0.03 / NOISE_CUT},
-    {"dropout": 0.2},
-    {"missed": 0.2},
+    *({name: most} for name, most in MOST.items() if name not in ("delay", "pose_error")),
 )
-"""Errors whose cost is measured, with the largest bounds of the attack; the first is none."""
+"""Errors whose cost is measured: none, delays, errors of the position, and of each other error the
+largest value in the attack."""
 PLACES = ("corridor", "office")
 """Families in which it is measured."""
 DENSITY, WALK = 0.05, 1.4
