@@ -53,6 +53,12 @@ class WorthSettings(Options):
     buildings: int = option(
         40, "buildings of each kind; on free routes half as many again", "N", low=1, high=100_000
     )
+    windows: tuple[float, ...] = option(
+        (5.0, 10.0, 20.0), "windows of the part of that name [m]", "M", low=1, high=100
+    )
+    speeds: tuple[float, ...] = option(
+        (4.0, 8.0), "top speeds of that part [m/s], each with each window", "V", low=0.5, high=10
+    )
     hours: float = option(
         4.0, "longest run time [h]; all series of drives grow in turn", "H", low=0, high=1e4
     )
@@ -83,6 +89,7 @@ def _run(settings: WorthSettings) -> int:
         settings.predictors,
         settings.calibrations,
         settings.buildings,
+        [(window, v_max) for v_max in settings.speeds for window in settings.windows],
     )
     with ResumableFolder(settings.out, exclusive=True):
         drives, missing = drive_all(

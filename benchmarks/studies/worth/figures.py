@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +13,8 @@ from foresee.infra.drawing import INK, new_figure, save_figures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MARKERS = {4.0: "o", 8.0: "s"}
-"""Top speed [m/s] → marker."""
+MARKERS = "osD^v"
+"""Markers of the top speeds, in order."""
 
 
 def draw(results: dict[str, Any], out: Path) -> list[Path]:
@@ -28,6 +29,7 @@ def _worth(rows: list[dict[str, Any]]) -> Figure:
     axes = figure.subplots()
     axes.axhline(1.0, color=INK, linewidth=0.8)
     axes.axvline(1.0, color=INK, linewidth=0.8, linestyle=":")
+    markers = dict(zip(sorted({row["v_max"] for row in rows}), cycle(MARKERS), strict=False))
     drivers = list(dict.fromkeys(row["driver"] for row in rows))
     for place, driver in enumerate(drivers):
         # Side by side, so that intervals do not hide each other.
@@ -35,7 +37,7 @@ def _worth(rows: list[dict[str, Any]]) -> Figure:
         of = [row for row in rows if row["driver"] == driver]
         colour = _colour(of[0])
         axes.plot([], [], color=colour, linewidth=0.8, label=driver)
-        for v_max, marker in MARKERS.items():
+        for v_max, marker in markers.items():
             points = sorted(
                 (row for row in of if row["v_max"] == v_max), key=lambda r: r["stop_over_sight"]
             )
@@ -50,7 +52,7 @@ def _worth(rows: list[dict[str, Any]]) -> Figure:
                 axes.plot(
                     x, ratio["value"], marker, color=colour, markersize=5, markerfacecolor=filling
                 )
-    for v_max, marker in MARKERS.items():
+    for v_max, marker in markers.items():
         axes.plot([], [], marker, color=INK, label=f"{v_max:g} m/s")
     if any(row["risk"] and not row["certified"] for row in rows):
         axes.plot([], [], "o", color=INK, markerfacecolor="white", label="not certified")

@@ -20,8 +20,6 @@ RULES = ("distance", "extend")
 """Predictors without a network, baselines at a risk above 0."""
 RISKS = (0.0, 0.02, 0.05)
 """Risks of the drivers on a prescribed route."""
-SIGHTS = tuple((window, v_max) for v_max in (4.0, 8.0) for window in (5.0, 10.0, 20.0))
-"""Window [m] and top speed [m/s] of each group of the second part."""
 FREE_ARMS = (
     *("known", "known+route", "backup", "predicted"),
     *(arm for arm in ARMS if arm.startswith("known+truth")),
@@ -74,6 +72,7 @@ def list_series(
     predictors: Sequence[str],
     calibrations: Sequence[Path],
     buildings: int,
+    sights: Sequence[tuple[float, float]],
 ) -> tuple[list[Series], list[str]]:
     """Return the series of the study, and a line for each driver that is left out.
 
@@ -86,6 +85,7 @@ def list_series(
         predictors: predictors to compare.
         calibrations: calibrations besides those that ship, such as those of other predictors.
         buildings: number of buildings of each kind; on free routes half as many again.
+        sights: window [m] and top speed [m/s] of each group of the second part.
     """
     kinds = {name: MIXTURE if name == "mixture" else (name,) for name in tasks}
     real = {"real": tuple(maps)} if maps else {}
@@ -121,7 +121,7 @@ def list_series(
             all_series += _arms(PRESCRIBED, name, same, ("known", "backup", "perfect", "oracle"))
             add(PRESCRIBED, name, same, RISKS)
     if WINDOWS in parts:
-        for window, v_max in SIGHTS:
+        for window, v_max in sights:
             same = Settings(
                 world=MIXTURE,
                 route="fixed",

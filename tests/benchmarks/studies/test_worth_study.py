@@ -142,12 +142,16 @@ def test_a_table_gives_the_times_in_each_family_and_names_those_who_are_slower()
     )
 
 
+SIGHTS = ((5.0, 4.0), (20.0, 8.0))
+
+
 def test_the_series_have_names_and_buildings_of_their_own_and_the_same_tasks_in_a_group(short_map):
     parts = (PRESCRIBED, WINDOWS, FREE)
     found, left_out = list_series(
-        parts, ("mixture", "trap"), (str(short_map),), ("distance", "compact"), (), 33
+        parts, ("mixture", "trap"), (str(short_map),), ("distance", "compact"), (), 33, SIGHTS
     )
     assert len({series.name for series in found}) == len(found)
+    assert {s.group[2:] for s in found if s.part == WINDOWS} == set(SIGHTS)
     free = {series.settings.episodes for series in found if series.part == FREE}
     assert free == {49}
     groups = {}
@@ -181,7 +185,7 @@ def test_the_series_have_names_and_buildings_of_their_own_and_the_same_tasks_in_
 def test_a_calibration_of_ones_own_lets_a_predictor_drive_at_its_risk(tmp_path):
     settings = Settings(world=MIXTURE, route="fixed", predictor="distance", reliance=0.11)
     path = written(tmp_path / "c.json", conditions=conditions_for(settings))
-    found, _ = list_series((PRESCRIBED,), ("mixture",), (), ("distance",), (path,), 4)
+    found, _ = list_series((PRESCRIBED,), ("mixture",), (), ("distance",), (path,), 4, SIGHTS)
     levels = {s.driver: s.settings.level for s in found if s.settings.risk}
     assert levels == {"distance 2 %": 0.003, "distance 5 %": 0.01}
     # It drives at the reliance at which it was calibrated.
@@ -194,7 +198,9 @@ def test_a_risk_with_the_level_of_a_smaller_one_is_not_driven_again(tmp_path):
     settings = Settings(world=MIXTURE, route="fixed", predictor="distance")
     same = {"0.02": 0.01, "0.05": 0.01}
     path = written(tmp_path / "c.json", conditions=conditions_for(settings), certified=same)
-    found, left_out = list_series((PRESCRIBED,), ("mixture",), (), ("distance",), (path,), 4)
+    found, left_out = list_series(
+        (PRESCRIBED,), ("mixture",), (), ("distance",), (path,), 4, SIGHTS
+    )
     assert [s.driver for s in found if s.settings.risk] == ["distance 2 %"]
     assert left_out == ["prescribed, mixture: distance 5 % has the level of distance 2 %"]
 
