@@ -25,6 +25,8 @@ class Fault(StrEnum):
     """There was no decision in time."""
     PATH_FAILED = "path_failed"
     """The path search failed."""
+    TURN_FAILED = "turn_failed"
+    """A turn on the spot did not end in time."""
     PREDICTOR_RAISED = "predictor_raised"
     """The predictor raised an exception."""
     PREDICTOR_LATE = "predictor_late"

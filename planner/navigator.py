@@ -185,7 +185,8 @@ class Navigator:
         self.guide.update(self._tick, driven, risk)
         guide = self.guide
         now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg, tube)
-        turn = self.guide.turn_rate(state, risk)
+        turn, failed = self.guide.turn_rate(state, risk)
+        faults += failed
         afresh = self._tick % FRESH_GUESS_TICKS == 0 or self.guide.is_new
         if turn:
             choice = self.chooser.stand(driven)

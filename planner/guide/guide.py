@@ -19,7 +19,7 @@ from planner.guide.elastic_band import BODY_MARGIN
 from planner.guide.guide_config import GuideConfig
 from planner.guide.in_order import InOrder
 from planner.guide.path_search import Found, Memory, PathSearch, Request, front
-from planner.guide.turn import rate_towards
+from planner.guide.turn import longest, rate_towards
 from planner.motion.dynamics import REST
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
@@ -94,6 +94,7 @@ class Guide:
         self._legs: list[tuple[int, Path]] = []
         self.on_leg = False
         self.turn_to: float | None = None
+        self._turn_ticks: int | None = None
         self._stuck = np.empty((0, 2))
 
     def towards(self, goal: tuple[float, float]) -> Guide:
@@ -142,20 +143,32 @@ class Guide:
         if not self.on_leg:
             self._legs = []
 
-    def turn_rate(self, state: NDArray[np.float64], risk: RiskMap) -> float:
-        """Return the yaw rate of the turn on the spot under way [rad/s]; 0: there is none.
+    def turn_rate(
+        self, state: NDArray[np.float64], risk: RiskMap
+    ) -> tuple[float, tuple[Fault, ...]]:
+        """Return the yaw rate of the turn on the spot under way, and the faults.
+
+        A turn that takes much longer than it should has failed, since the car does not obey.
 
         Args:
             state: current x, y, yaw, v of the car, (4,).
             risk: newest risk map around the car.
+
+        Returns:
+            The yaw rate [rad/s]; 0: there is no turn.
         """
         if self.turn_to is None:
-            return 0.0
-        rate = rate_towards(self.turn_to, state, risk, self.car)
+            return 0.0, ()
+        if self._turn_ticks is None:
+            angle = math.remainder(self.turn_to - float(state[2]), 2.0 * math.pi)
+            self._turn_ticks = longest(angle, self.car)
+        self._turn_ticks -= 1
+        has_failed = self._turn_ticks < 0
+        rate = 0.0 if has_failed else rate_towards(self.turn_to, state, risk, self.car)
         if rate == 0.0:
             # A path is due at once.
             self.turn_to, self._requested = None, -(10**9)
-        return rate
+        return rate, (Fault.TURN_FAILED,) if has_failed else ()
 
     def update(self, tick: int, state: NDArray[np.float64], risk: RiskMap) -> None:
         """Advance by a tick: adopt a path that is due, and cut it off before an obstacle.
@@ -265,6 +278,7 @@ class Guide:
             self._stuck = np.vstack([self._stuck, front(request.state, self.car)])
         if found.turn_to is not None:
             self.turn_to, self.gear, self.on_leg = found.turn_to, 1, False
+            self._turn_ticks = None
             self._legs, self._pending, self.path, self._whole = [], None, None, None
             self.counts["turn"] += 1
         elif found.legs is not None:

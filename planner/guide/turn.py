@@ -53,6 +53,16 @@ def can_turn(pose: NDArray[np.float64], angle: float, risk: RiskMap, car: CarLim
     return bool(first_contact(scene, poses) < 0)
 
 
+def longest(angle: float, car: CarLimits) -> int:
+    """Return how many ticks a turn may take: twice as many as at the full yaw rate, and a second.
+
+    Args:
+        angle: angle of the turn [rad].
+        car: limits of the car.
+    """
+    return math.ceil((2.0 * abs(angle) / car.turn_rate + 1.0) / TICK)
+
+
 def rate_towards(yaw: float, state: NDArray[np.float64], risk: RiskMap, car: CarLimits) -> float:
     """Return the yaw rate of the next tick of a turn on the spot [rad/s]; 0: the turn has ended.
 

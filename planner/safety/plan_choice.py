@@ -207,12 +207,14 @@ class PlanChooser:
 
         It is the next one of the manoeuvre that was kept in the last tick, which stops the car.
         """
-        control = self._kept[0].copy()
-        rest = shifted(self._kept, self.mpc.limits.braking)
+        kept = self._kept
+        control = kept[0].copy()
+        rest = shifted(kept, self.mpc.limits.braking)
         self._kept, self._last_cautious = rest, None
         self._curvature = float(control[1])
         if self._intended is not None:
-            self._intended = replace(self._intended, controls=rest)
+            # The next choice leaves out its first step, which is this tick's.
+            self._intended = replace(self._intended, controls=kept)
         if self.resort.controls is not None:
             self.resort.controls = rest
         return control

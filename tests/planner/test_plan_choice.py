@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from short_drive import LIDAR, navigator, straight
 
+from foresee.mapping.body import covered
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import Prediction
 from planner.fault import Fault
 from planner.motion.path import Path
 from planner.mpc.mpc import Solution, Status
+from planner.navigator_config import NavigatorConfig
 from planner.risk.risk_map import RiskMap
+from planner.safety.plan_choice import PlanChooser
 from planner.safety.situation import Situation
 from sim import DubinsCar
 from sim.world import World
@@ -149,3 +152,28 @@ def test_predicted_walls_bar_the_way_on_only_of_a_plan_that_relies_on_prediction
     risk = dataclasses.replace(now.risk, known=Grid(now.risk.frame, cells))
     assert not chooser.checker.leads_on(state, risk.barred, risk.frame)
     assert chooser.goes_on(plan, risk) == (not relies)
+
+
+@pytest.mark.parametrize("missed", [0, 1, 2])
+def test_the_rest_of_the_last_plan_is_driven_on_where_nothing_else_is_free(missed):
+    frame, config = GridFrame(0.05, (0.0, 0.0), (240, 240)), NavigatorConfig()
+    angles = np.linspace(0.0, 0.5 * np.pi, 60)
+    bend = np.column_stack([4.0 + 2.0 * np.sin(angles), 5.0 - 2.0 * np.cos(angles)])
+    path = Path.through(np.vstack([[1.0, 3.0], bend, [6.0, 9.0]]), "route")
+    state = np.array([3.0, 3.0, 0.0, 2.2])
+    segment = int(np.argmin(np.hypot(*(path.points - state[:2]).T)))
+    chooser = PlanChooser(config.car, config.mpc, (50.0, 5.0), config.window)
+    free = RiskMap.from_prediction(Grid(frame, np.full(frame.shape, FREE, np.int8)), None, 0.0)
+    plan = chooser.choose(Situation(state, free, path, segment, False), True).plan
+    cells = np.full(frame.shape, OCCUPIED, np.int8)
+    for pose in plan.poses(config.mpc.dt, 0.02):
+        body = config.car.body.inflated(0.03)
+        cells[tuple(covered(frame.shape, *frame.lattice, *pose, *body.halves).T)] = FREE
+    tight = RiskMap.from_prediction(Grid(frame, cells), None, 0.0)
+    state = plan.states[1]
+    for _ in range(missed):
+        kept = chooser.kept.copy()
+        assert (chooser.skip() == kept[0]).all()
+        state = chooser.mpc.roll(state, kept).states[1]
+    assert chooser.checker.is_safe(chooser.mpc.roll(state, chooser.kept), tight)
+    assert not chooser.choose(Situation(state, tight, path, segment, False), False).emergency

@@ -12,6 +12,7 @@ from short_drive import LIDAR
 from foresee.mapping.body import Scene, first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from planner.fault import Fault
 from planner.guide.turn import TURNED, angle_to, can_turn, rate_towards
 from planner.navigator import Navigator
 from planner.navigator_config import NavigatorConfig
@@ -133,6 +134,19 @@ def test_a_car_without_room_to_turn_backs_out_first():
     turned = np.abs(np.diff(yaw)) > 1e-9
     in_place = np.hypot(np.diff(x), np.diff(y)) < 1e-9
     assert not (turned & in_place & (x[:-1] > 4.2)).any()
+
+
+def test_a_turn_of_a_car_that_does_not_obey_ends_with_a_fault():
+    room, state = Room(14.0, 3.0), np.array([10.0, 1.5, 0.0, 0.0])
+    config = NavigatorConfig(car=CAR)
+    known = OccupancyGrid(room.frame, config.window)
+    driver = Navigator(config, None, state[:3], (2.0, 1.5), known, seed=0)
+    scan = LIDAR.scan(room.world, state)
+    turns = [bool(driver.step(state, scan).control.turn_rate) for _ in range(80)]
+    assert turns[0]
+    # A half turn takes 2.1 s, so the turn is given up after 5.2 s.
+    assert turns.index(False) == 52
+    assert driver.faults[Fault.TURN_FAILED] == 1
 
 
 def test_a_dead_end_is_left_by_turning():

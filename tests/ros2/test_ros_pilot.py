@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from foresee_navigator.pilot import Mode, Pilot
 from foresee_navigator.report import Circumstances, Severity, report_on
+from foresee_navigator.settings import SimulatorSettings
+from foresee_navigator.simulated_robot import STEP, SimulatedRobot
 
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE
 from planner.navigator_config import NavigatorConfig
-from sim import DubinsCar, Lidar, LidarConfig, empty_straight
+from sim import DubinsCar, Lidar, LidarConfig, Task, empty_straight
 
 CAR = CarLimits(v_max=2.0)
 WORLD, LIDAR = empty_straight(20.0, 4.0), Lidar(LidarConfig(beams=271))
@@ -47,6 +49,18 @@ def test_it_reaches_the_goal_and_stands():
     for _ in range(20):
         action = driver.act(states[-1], LIDAR.scan(WORLD, states[-1]))
     assert (action.speed, action.yaw_rate) == (0.0, 0.0)
+
+
+def test_the_simulated_robot_turns_on_the_spot_only_where_it_can():
+    start, goal = (10.0, 2.5, 0.0), (3.0, 2.5)
+    task = Task(WORLD, start, goal, np.array([goal]), 7.0, 0)
+    yaws = []
+    for name in ("jackal", "f1tenth"):
+        robot = SimulatedRobot(SimulatorSettings(robot=name), task)
+        robot.command(0.0, 1.0)
+        robot.step()
+        yaws.append(robot.state[2])
+    assert yaws == pytest.approx([STEP, 0.0])
 
 
 def test_without_a_goal_it_stands_and_maps():

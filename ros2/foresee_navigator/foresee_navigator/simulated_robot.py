@@ -36,7 +36,8 @@ def task_for(settings: SimulatorSettings) -> Task:
 class SimulatedRobot:
     """A car that follows velocities within its limits, like the controller of a mobile base.
 
-    It turns on the curvature of the command while its speed approaches the commanded one.
+    It turns on the curvature of the command while its speed approaches the commanded one, and on the
+    spot where it stands and no speed is commanded, if the car can.
 
     Args:
         settings: settings of the simulator.
@@ -56,7 +57,7 @@ class SimulatedRobot:
         self._settings, self._task = settings, task
         self._car, self._lidar = DubinsCar(settings.car), Lidar(settings.lidar)
         self._rng = np.random.default_rng([settings.seed, 3])
-        self._speed = self._curvature = 0.0
+        self._speed = self._curvature = self._turn_rate = 0.0
         self._commanded = -math.inf
         self.yaw_rate = 0.0
 
@@ -76,6 +77,7 @@ class SimulatedRobot:
         car = self._settings.car
         self._speed = min(max(speed, -car.reverse), car.v_max)
         self._curvature = yaw_rate / speed if abs(speed) > 1e-3 else 0.0
+        self._turn_rate = yaw_rate if speed == 0.0 and car.turn_rate else 0.0
         self._commanded = self.time
 
     def step(self) -> None:
@@ -84,13 +86,13 @@ class SimulatedRobot:
             self.time += STEP
             return
         if self.time - self._commanded > self._settings.command_timeout:
-            self._speed = 0.0
+            self._speed = self._turn_rate = 0.0
         speed, wanted = float(self.state[3]), self._speed
         if speed * wanted < 0.0:
             wanted = 0.0  # The gear changes at standstill.
         gear = 1 if speed > 0.0 or (speed == 0.0 and wanted >= 0.0) else -1
         acceleration = (abs(wanted) - abs(speed)) / STEP
-        control = Control(acceleration, self._curvature, gear)
+        control = Control(acceleration, self._curvature, gear, self._turn_rate)
         if self._car.collides(self._task.world, self.state, control, STEP):
             self.has_collided = True
             self.state[3] = self.yaw_rate = 0.0
