@@ -7,7 +7,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e
+# Python compiles a module when it is first imported, which most of those installed never are.
+INSTALL = $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e
 
 # What the paper's networks are, and how they learn: reduced to what 2 cores do in about two hours. With a GPU:
 # make study NET='--preset paper --sigma 0.02 --epochs 3 --batch 8 --rate 4e-4 --bf16' STUDY='--jobs 15'
@@ -15,7 +16,7 @@ NET ?= --preset short
 STUDY ?=
 OUT ?= results/study
 
-.PHONY: setup corridor pictures study beyond docs test release clean
+.PHONY: setup corridor pictures study beyond docs test check compiled release clean
 
 setup: .venv/.tools
 
@@ -103,12 +104,19 @@ docs: .venv/.docs
 	@grep -q '^Build finished' build/docs.log
 	@! grep -qvE '^(Build started|No issues found|Build finished.*|)$$' build/docs.log
 
+# Kernels are compiled beside the checks, and once, not by each of the processes of the tests.
 test: setup .venv/.ros2
+	$(MAKE) --jobs 2 check compiled
+	$(BIN)/python -m pytest -n 2
+
+check:
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -n 2
+
+compiled:
+	$(BIN)/foresee warm-up
 
 release: .venv/.tools
 	$(INSTALL) '.[release]'

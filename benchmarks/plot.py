@@ -112,7 +112,7 @@ def _run(settings: PlotSettings) -> None:
     print(*paths, sep="\n")
 
 
-main = Command("benchmarks.plot", __doc__, _run)
+main = Command("benchmarks.plot", __doc__, _run, resumes=False)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -33,7 +33,7 @@ def _run(settings: RankSettings) -> None:
         write_whole(settings.out, page.encode())
 
 
-main = Command("benchmarks.rank", __doc__, _run)
+main = Command("benchmarks.rank", __doc__, _run, resumes=False)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -111,7 +111,7 @@ def _broken_refused(where: str) -> Iterator[None]:
         raise UsageError(f"{where} is no results file: {one_line(error)}") from None
 
 
-main = Command("benchmarks.tables", __doc__, _run)
+main = Command("benchmarks.tables", __doc__, _run, resumes=False)
 
 if __name__ == "__main__":
     sys.exit(main())

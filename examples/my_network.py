@@ -99,7 +99,8 @@ def trained(folder, steps, batch):
     optimiser = torch.optim.AdamW(net.parameters(), 3e-3, weight_decay=1e-3)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 3e-3, total_steps=steps)
     held_out = DataLoader(Squares(folder / "validation"), batch)
-    loader = DataLoader(Squares(folder / "train"), batch, shuffle=True, drop_last=True)
+    data = Squares(folder / "train")
+    loader = DataLoader(data, min(batch, len(data)), shuffle=True, drop_last=True)
     while seen_so_far < steps:
         for seen, truth in loader:
             if torch.rand(()) < 0.5:  # Left and right are alike.

@@ -47,7 +47,7 @@ def _run(settings: Completion) -> None:
     print(shtab.complete(root, settings.shell))
 
 
-main = Command("foresee.completion", __doc__, _run)
+main = Command("foresee.completion", __doc__, _run, resumes=False)
 
 if __name__ == "__main__":
     sys.exit(main())

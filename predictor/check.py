@@ -53,7 +53,7 @@ def _run(settings: CheckSettings) -> int:
     return 1 if errors else 0
 
 
-main = Command("predictor.check", __doc__, _run)
+main = Command("predictor.check", __doc__, _run, resumes=False)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -39,6 +39,11 @@ class LearnedFrontiers:
     def __init__(self, weights: Path = SHIPPED) -> None:
         changed = weights.stat().st_mtime_ns if weights.is_file() else 0
         self._net, self.facts = _loaded(weights, changed)
+        self.weights = weights
+
+    def __reduce__(self) -> tuple[type[LearnedFrontiers], tuple[Path]]:
+        # A search in another process is sent the path alone, and loads the weights once.
+        return LearnedFrontiers, (self.weights,)
 
     def values(
         self, known: Grid, goal: tuple[float, float], frontiers: Sequence[Frontier]

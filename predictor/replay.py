@@ -77,7 +77,7 @@ def _run(
     )
 
 
-main = Command("predictor.replay", __doc__, _run)
+main = Command("predictor.replay", __doc__, _run, resumes=False)
 
 if __name__ == "__main__":
     sys.exit(main())

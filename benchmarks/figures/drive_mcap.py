@@ -102,6 +102,11 @@ class _Drive:
                 f"{run.directory}: the estimated poses of drives with --pose-error, --yaw-error, "
                 "--jitter or --missed are not saved; only drives without them can be exported"
             )
+        if result.late_ticks:
+            raise RunError(
+                f"{run.directory}: {result.late_ticks} ticks of this drive with --real-time were "
+                "late, and it is not saved which; only drives without late ticks can be exported"
+            )
         x, y, yaw = result.start
         goal = (result.goal[0], result.goal[1])
         world = World(result.world, trace.truth)

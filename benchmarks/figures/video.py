@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import os
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from foresee.infra.atomic_file import replacing
 from foresee.infra.errors import LineError
 from foresee.infra.progress import progress
 
@@ -59,18 +59,16 @@ def write_video(frames: Callable[[int], Picture], count: int, rate: float, path:
     """
     if count == 0:
         raise VideoError(f"{path.name}: the drive has no ticks to show")
-    part = path.with_name(f".{os.getpid()}.{path.name}")
-    try:
-        with progress(range(count), desc=path.name, unit="frame") as numbers:
-            pictures = (frames(i) for i in numbers)
-            if path.suffix == ".mp4":
-                _write_mp4(pictures, rate, part)
-            else:
-                samples = np.vstack([frames(i) for i in sorted({0, count // 2, count - 1})])
-                _write_gif(pictures, samples, [round(1000 / rate)] * (count - 1) + [LAST], part)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    with (
+        replacing(path) as part,
+        progress(range(count), desc=path.name, unit="frame") as numbers,
+    ):
+        pictures = (frames(i) for i in numbers)
+        if path.suffix == ".mp4":
+            _write_mp4(pictures, rate, part)
+        else:
+            samples = np.vstack([frames(i) for i in sorted({0, count // 2, count - 1})])
+            _write_gif(pictures, samples, [round(1000 / rate)] * (count - 1) + [LAST], part)
 
 
 def _write_gif(frames: Pictures, samples: Picture, durations: list[int], path: Path) -> None:
@@ -104,16 +102,18 @@ def _write_mp4(frames: Pictures, rate: float, path: Path) -> None:
         f"-y -loglevel error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate:g} "
         "-i - -pix_fmt yuv420p -movflags +faststart -f mp4"
     )
-    process = subprocess.Popen(
-        [_ffmpeg(), *command.split(), str(path)],
-        stdin=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    assert process.stdin is not None
-    # If ffmpeg ends early, its own message is reported below.
-    with contextlib.suppress(BrokenPipeError):
-        for frame in itertools.chain([first], frames):
-            process.stdin.write(frame[:height, :width].tobytes())
-    message = process.communicate()[1].decode(errors="replace").strip()
+    with subprocess.Popen(
+        [_ffmpeg(), *command.split(), str(path)], stdin=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdin is not None
+        try:
+            # If ffmpeg ends early, its own message is reported below.
+            with contextlib.suppress(BrokenPipeError):
+                for frame in itertools.chain([first], frames):
+                    process.stdin.write(frame[:height, :width].tobytes())
+            message = process.communicate()[1].decode(errors="replace").strip()
+        except BaseException:
+            process.kill()
+            raise
     if process.returncode != 0:
         raise VideoError(f"ffmpeg failed: {(message or 'no reason given').splitlines()[-1]}")

@@ -12,11 +12,12 @@ from typing import Any, TypeVar
 
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.command_line import UsageError
+from foresee.infra.errors import one_line
 from foresee.infra.markdown import records
 from foresee.infra.plain_json import fits
 from foresee.infra.progress import progress
 from foresee.infra.results_file import COMMANDS, read_results
-from foresee.infra.resumable import refuse_other_settings
+from foresee.infra.resumable import lock, refuse_other_settings
 from foresee.infra.workers import LostError, finished
 from planner.revision import revision_of
 
@@ -77,7 +78,7 @@ def refuse_other_revision(where: str, revisions: Iterable[int], route: str) -> N
 
 
 class DriveFile:
-    """A file of drives, which is written atomically after each drive.
+    """A file of drives, which is written atomically after each drive, by one process at a time.
 
     Args:
         path: path of the file; it is made if it is missing.
@@ -89,7 +90,8 @@ class DriveFile:
         entry: facts that each drive must have, and their types.
 
     Raises:
-        UsageError: if the file has other settings or cannot be written.
+        UsageError: if the file has other settings, cannot be written, or is in use by another
+            process.
     """
 
     def __init__(
@@ -104,6 +106,11 @@ class DriveFile:
         self.path = path
         self.drives: dict[int, dict[str, Any]] = {}
         self._head = {"kind": kind, "settings": settings}
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._lock = lock(path.with_name(f".{path.name}.lock"), path)
+        except (OSError, ValueError) as error:
+            raise UsageError(f"--out: {path} cannot be made: {one_line(error)}") from None
         if path.exists():
             content = read_drives(path, kind, entry)
             earlier = dict(absent or {}) | content["settings"]
@@ -112,10 +119,6 @@ class DriveFile:
             if not fits(earlier.get(grows), int):
                 raise UsageError(f"{path} is no file of {COMMANDS[kind]}: it has no {grows}")
             self._head["settings"] = settings | {grows: max(settings[grows], earlier[grows])}
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(f"--out: {path.parent} cannot be made: {error.strerror}") from None
         # Written at once, so that an error is not found only after the first drive.
         self._write()
 

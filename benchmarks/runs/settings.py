@@ -228,7 +228,11 @@ class Settings(Options):
         None, "error that it is told [rad] (default: --yaw-error)", "RAD", low=0, high=0.1
     )
     told_noise: float | None = option(
-        None, "standard deviation of the ranges that it is told [m] (default: --noise)", "M", low=0
+        None,
+        "standard deviation of the ranges that it is told [m] (default: --noise)",
+        "M",
+        low=0,
+        high=0.5,
     )
     real_time: bool = option(
         False,

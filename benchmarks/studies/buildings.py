@@ -92,7 +92,7 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if value >= 20 else f"{value:.2f}"
 
 
-main = Command("benchmarks.studies.buildings", __doc__, _run)
+main = Command("benchmarks.studies.buildings", __doc__, _run, resumes=False)
 
 if __name__ == "__main__":
     sys.exit(main())

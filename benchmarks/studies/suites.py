@@ -89,7 +89,7 @@ def _run(where: SuiteFolder) -> int:
     return 1 if others else 0
 
 
-main = Command("benchmarks.studies.suites", __doc__, _run)
+main = Command("benchmarks.studies.suites", __doc__, _run, resumes=False)
 
 if __name__ == "__main__":
     sys.exit(main())

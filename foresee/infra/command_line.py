@@ -54,11 +54,13 @@ class Command:
         description: text of the help; paragraphs that are indented keep their lines.
         run: function that does the work and returns the exit status; None counts as 0. Its
             parameters are annotated with the subclasses of `Options` that hold the options.
+        resumes: whether the same command goes on where an interrupted one stopped.
     """
 
     name: str
     description: str | None
     run: Callable[..., int | None]
+    resumes: bool = True
 
     def __call__(self, argv: list[str] | None = None) -> int:
         """Parse the options, run the command, and report its errors in one line.
@@ -86,10 +88,12 @@ class Command:
             return 1
         except OSError as error:
             where = "" if error.filename is None else f"{error.filename}: "
-            self._complain(shown(f"{where}{one_line(error)}; what was finished is kept"))
+            kept = "; what was finished is kept" if self.resumes else ""
+            self._complain(shown(f"{where}{one_line(error)}{kept}"))
             return 1 if error.errno in DISK else 2
         except KeyboardInterrupt:
-            self._complain("interrupted; the same command goes on where it stopped")
+            goes_on = "; the same command goes on where it stopped" if self.resumes else ""
+            self._complain(f"interrupted{goes_on}")
             return 130
 
     def _complain(self, line: str) -> None:

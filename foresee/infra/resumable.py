@@ -7,7 +7,7 @@ import itertools
 import json
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Self, TextIO
+from typing import Any, BinaryIO, Self
 
 from numpy.typing import NDArray
 
@@ -62,11 +62,7 @@ class ResumableFolder:
         self.folder, self.notes = folder, list[str]()
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _lock_file(folder) if exclusive else None
-            if self._lock is not None:
-                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise UsageError(f"{folder} is in use: another run is at work there") from None
+            self._lock = lock(folder / ".lock", folder) if exclusive else None
         except (OSError, ValueError) as error:
             raise UsageError(f"{folder} cannot be used: {one_line(error)}") from None
         clear(folder)
@@ -139,12 +135,27 @@ class ResumableFolder:
         self.notes.append(f"{path} is damaged ({why}); it is kept as {target.name}")
 
 
-def _lock_file(folder: Path) -> TextIO:
-    """Open the file by whose lock a process excludes others from a folder."""
-    path = folder / ".lock"
+def lock(path: Path, what: Path) -> BinaryIO:
+    """Open and lock a file, by which a process excludes others until it closes it or ends.
+
+    Args:
+        path: path of the lock.
+        what: folder or file from which others are excluded.
+
+    Raises:
+        UsageError: if another process holds the lock.
+        OSError: if it cannot be opened.
+        ValueError: if it is no plain, empty file.
+    """
     if path.exists():
         check_input(path, 0)
-    return path.open("a")
+    file = path.open("ab")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise UsageError(f"{what} is in use: another run is at work there") from None
+    return file
 
 
 def refuse_other_settings(

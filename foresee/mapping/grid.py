@@ -322,8 +322,8 @@ class OccupancyGrid:
             bounds: bounds of the errors of pose and ranges.
 
         Raises:
-            ValueError: if the pose or the scan's geometry is not finite, its range not positive, or
-                there is no beam.
+            ValueError: if the pose or the scan's geometry is not finite, its range not positive,
+                there is no beam, or beams lie 0 rad apart.
         """
         x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw)):
@@ -335,6 +335,8 @@ class OccupancyGrid:
         beams = (scan.angle_min, scan.angle_increment, *scan.mount)
         if not all(map(math.isfinite, beams)):
             raise ValueError(f"angle_min, angle_increment and mount are {beams}, not all finite")
+        if scan.angle_increment == 0.0 and (len(scan.ranges) > 1 or not bounds.senses_exactly):
+            raise ValueError("angle_increment is 0; only a single exact beam may have that")
         window = self.cover(self.frame.square(x, y, self.window))
         here, _ = self.frame.overlap(window)
         mark = mark_beams if bounds.senses_exactly else partial(mark_sure, bounds=bounds)

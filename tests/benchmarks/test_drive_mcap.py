@@ -1,5 +1,6 @@
 """A saved drive as an MCAP file: what was not saved is made again, and checked."""
 
+import json
 import math
 import shutil
 
@@ -117,3 +118,14 @@ def test_a_drive_that_is_not_made_again_alike_is_refused(run, tmp_path, capsys, 
     last = capsys.readouterr().err.splitlines()[-1]
     assert said in last
     assert not list(copy.glob("*.mcap*"))
+
+
+def test_a_drive_with_late_ticks_is_refused(run, tmp_path, capsys):
+    copy = tmp_path / "run"
+    shutil.copytree(run, copy)
+    results = json.loads((copy / "results.json").read_text())
+    for drive in results["episodes"]:
+        drive["late_ticks"] = 3
+    (copy / "results.json").write_text(json.dumps(results))
+    assert plot.main([str(copy), "--mcap", "--arm", "predicted"]) == 2
+    assert "3 ticks of this drive with --real-time were late" in capsys.readouterr().err

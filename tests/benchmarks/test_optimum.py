@@ -19,6 +19,7 @@ from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task
 from benchmarks.runs.time_optimal import KIND, read_t_opt, task_key
 from foresee.infra.command_line import UsageError
+from foresee.infra.resumable import lock
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
@@ -187,8 +188,16 @@ def test_a_run_goes_on_where_it_was_and_computes_nothing_twice(tmp_path, counted
     found = read_drives(out, KIND)
     assert [drive["index"] for drive in found["drives"]] == [0, 1, 2]
     assert found["settings"]["episodes"] == 3
-    assert list(out.parent.iterdir()) == [out]
+    assert {path.name for path in out.parent.iterdir()} == {out.name, ".optimum.json.lock"}
     assert "episode 2, w-2: no drive found" in capsys.readouterr().out
+
+
+def test_a_file_in_use_is_refused(tmp_path, counted, capsys):
+    out = tmp_path / "optimum.json"
+    with lock(tmp_path / ".optimum.json.lock", out):
+        assert main(["--jobs", "1", "--out", str(out), "--episodes", "1"]) == 2
+    assert f"{out} is in use: another run is at work there" in capsys.readouterr().err
+    assert main(["--jobs", "1", "--out", str(out), "--episodes", "1"]) == 0
 
 
 def test_an_episode_without_a_drive_is_left_out_and_said_so(tmp_path, counted, capsys):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from foresee.mapping.beams import trace_beams
 from foresee.mapping.body import Body
+from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import (
     FREE,
@@ -227,6 +228,15 @@ def test_growth_keeps_every_cell():
 def test_a_pose_that_is_not_finite_is_refused():
     with pytest.raises(ValueError, match="finite"):
         OccupancyGrid(FRAME, 4.0).integrate(scan([1.0]), (math.nan, 0.0, 0.0))
+
+
+def test_beams_that_lie_no_angle_apart_are_refused():
+    known, beams = OccupancyGrid(FRAME, 4.0), scan([1.0, 1.0], (0.3, 0.3))
+    with pytest.raises(ValueError, match="angle_increment is 0"):
+        known.integrate(beams, (0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="angle_increment is 0"):
+        known.integrate(scan([1.0]), (0.0, 0.0, 0.0), ErrorBounds(range=0.03))
+    assert known.whole().unknown.all()
 
 
 def test_a_window_must_be_positive():

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -313,3 +314,10 @@ def test_a_training_resumes_and_its_weights_predict(tmp_path, monkeypatch, capsy
     values = LearnedFrontiers(weights).values(room.known.whole(), GOAL, found.frontiers)
     assert ((values.leads > 0.0) & (values.leads < 1.0)).all()
     assert (values.back >= 0.0).all()
+
+
+def test_another_process_is_sent_the_path_of_the_weights_alone():
+    ours = LearnedFrontiers()
+    sent = pickle.dumps(ours)
+    assert len(sent) < 1000
+    assert pickle.loads(sent).facts == ours.facts

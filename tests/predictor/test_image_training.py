@@ -217,8 +217,8 @@ def test_twenty_steps_of_the_papers_own_schedule(tmp_path, arch):
     assert len(log_of(tmp_path)) == 20
 
 
-@pytest.mark.slow(20)
-def test_four_steps_of_the_papers_own_u_net(tmp_path):
+@pytest.mark.slow(10)
+def test_two_steps_of_the_papers_own_u_net(tmp_path):
     """Reduced in nothing but its epochs: 54 million parameters, images of 256 pixels."""
     data, out = tmp_path / "data", tmp_path / "out"
     write_frames(data, {"train": TRAIN, "validation": VALIDATION})
@@ -232,7 +232,7 @@ def test_four_steps_of_the_papers_own_u_net(tmp_path):
                 "--preset",
                 "paper",
                 "--epochs",
-                "0.4",
+                "0.2",
                 "--data",
                 str(data),
                 "--out",
@@ -244,11 +244,11 @@ def test_four_steps_of_the_papers_own_u_net(tmp_path):
         == 0
     )
     net, facts = load_weights(out / "unet_ff.safetensors", GreyNet)
-    assert facts["steps"] == 4
-    assert reduced(facts) == {"epochs": 0.4, "frames": 10}
+    assert facts["steps"] == 2
+    assert reduced(facts) == {"epochs": 0.2, "frames": 10}
     assert sum(values.numel() for values in net.parameters()) > 54e6
-    losses = [entry["l1"] for entry in log_of(out)]
-    assert np.mean(losses[-2:]) < np.mean(losses[:2])
+    first, second = (entry["l1"] for entry in log_of(out))
+    assert second < first
     # Half a gigabyte each.
     for path in (out / "checkpoint.pt", out / "unet_ff.safetensors"):
         path.unlink()

@@ -57,4 +57,4 @@ def command(
         write_results(out, kind, results)
         print(table(results), "", out, sep="\n")
 
-    return Command(COMMANDS[kind], description, run)
+    return Command(COMMANDS[kind], description, run, resumes=False)

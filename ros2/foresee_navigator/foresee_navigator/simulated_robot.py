@@ -36,8 +36,8 @@ def task_for(settings: SimulatorSettings) -> Task:
 class SimulatedRobot:
     """A car that follows velocities within its limits, like the controller of a mobile base.
 
-    It turns on the curvature of the command while its speed approaches the commanded one, and on the
-    spot where it stands and no speed is commanded, if the car can.
+    It turns on the curvature of the command while its speed approaches the commanded one. If it
+    can, it turns on the spot where it stands and no speed is commanded.
 
     Args:
         settings: settings of the simulator.
