@@ -25,7 +25,7 @@ class Sight:
     def __init__(self, task: Task, body: Body, window: float) -> None:
         self.body = body
         self.known = task.blank(window)
-        self.known.mark_free(task.start, body, task.start_margin(body))
+        task.mark_start(self.known, body)
 
     def add(self, scan: Scan, state: NDArray[np.float64]) -> Scan:
         """Add a scan, taken at a state, to the map, and return the part of it `within` the window.

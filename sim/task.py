@@ -117,6 +117,15 @@ class Task:
                 return margin
         return 0.0
 
+    def mark_start(self, known: OccupancyGrid, body: Body) -> None:
+        """Mark the space around the start that a driver counts as observed, in its map.
+
+        Args:
+            known: map of the driver, which is changed.
+            body: body of the car.
+        """
+        known.mark_free(self.start, body, self.start_margin(body))
+
     def blank(self, window: float) -> OccupancyGrid:
         """Return an occupancy grid around start and goal in which nothing is observed yet.
 

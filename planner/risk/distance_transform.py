@@ -49,7 +49,8 @@ def _transform(mask):  # type: ignore[no-untyped-def]
     roots = np.empty(rooted.size, dtype=np.int32)
     starts = np.empty(rooted.size + 1, dtype=np.float32)
     squares = np.empty(cols, dtype=np.float32)
-    lifted = np.empty(cols, dtype=np.float32)
+    # In 64 bits: 32 would round the squares of columns on maps wider than 4096 cells.
+    lifted = np.empty(cols, dtype=np.float64)
     # Multiplying is faster than dividing, and exact enough: crossings lie at fractions of a column,
     # and the lower parabola is looked up at whole columns only.
     columns = np.arange(cols).astype(np.float32)
@@ -66,7 +67,7 @@ def _transform(mask):  # type: ignore[no-untyped-def]
             last -= 1
         for col in range(max(first - 1, 0), min(last + 2, cols)):
             squares[col] = out[row, col] * out[row, col]
-            lifted[col] = squares[col] + columns[col] * columns[col]
+            lifted[col] = squares[col] + np.float64(col) * col
         top = -1
         for q in rooted:
             if q < first - 1:
@@ -75,7 +76,7 @@ def _transform(mask):  # type: ignore[no-untyped-def]
                 break
             crossing = np.float32(-np.inf)
             while top >= 0:
-                crossing = (lifted[q] - lifted[roots[top]]) * halves[q - roots[top]]
+                crossing = np.float32(lifted[q] - lifted[roots[top]]) * halves[q - roots[top]]
                 if crossing > starts[top]:
                     break
                 top -= 1

@@ -34,8 +34,8 @@ AS_ROOM = " (room)"
 """Suffix of a predictor's name in a row that scores confidence · p_free, which the planner uses, as
 the probability that a cell lies in a free square as wide as the car."""
 
-VERSION = 2
-"""Version of the measures, which changes with the definition of any of them."""
+VERSION = 3
+"""Version of the measures, which changes with the definition of any of them and with the drives."""
 
 
 def score_drive(
@@ -125,8 +125,9 @@ def _driven(task: Task, window: float, rng: np.random.Generator) -> NDArray[np.f
         window: side of the square in which the LIDAR is used [m].
         rng: generator of the LIDAR's noise.
     """
-    config = NavigatorConfig(window=window, reliance=0.0)
     start, car = np.array(task.start), DubinsCar()
+    margin = task.start_margin(car.limits.body)
+    config = NavigatorConfig(window=window, reliance=0.0, start_margin=margin)
     navigator = Navigator(config, None, start, task.goal, task.blank(window), seed=task.seed)
     episode = run_episode(task, navigator, car, Lidar(), EpisodeConfig(), rng)
     states: NDArray[np.float64] = episode.trace["states"][:-1]

@@ -164,13 +164,14 @@ def frames_of_drive(
         car=car.limits,
         guide=GuideConfig(every=PATH_EVERY),
         bounds=ErrorBounds(range=NOISE_CUT * config.noise),
+        start_margin=task.start_margin(car.limits.body),
     )
     navigator = Navigator(
         settings, None, start, task.goal, task.blank(settings.window), task.waypoints, seed
     )
     crowd = People(world, config.people, start[:2], crowds)
     near = task.blank(WINDOW)
-    near.mark_free(start, settings.car.body, settings.start_margin)
+    task.mark_start(near, settings.car.body)
     recording = Recording(world.grid.frame, truth_codes(world.grid.free, world.surface))
     state, rested = np.array([*task.start, 0.0]), 0
     turned, within = np.zeros(count + 1), round(CIRCLES[1] / TICK)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.body import Body
-from foresee.mapping.conventions import START_MARGIN
 from foresee.mapping.grid import OccupancyGrid
 from sim import Lidar, LidarConfig
 from sim.task import Task
@@ -37,7 +36,7 @@ def replayed_with(
         first: number of the first tick whose map is yielded, below `every`.
     """
     known, sensor = task.blank(window), Lidar(lidar)
-    known.mark_free(task.start, Body(), START_MARGIN)
+    task.mark_start(known, Body())
     for tick, state in enumerate(states):
         known.integrate(sensor.scan(task.world, state, rng), state)
         if tick % every == first:

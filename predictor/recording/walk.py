@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.conventions import GOAL_RADIUS, START_MARGIN
+from foresee.mapping.conventions import GOAL_RADIUS
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.polyline import arc_length, points_at
 from planner.guide.route import find_route
@@ -44,7 +44,7 @@ def walk(
     known, lidar = task.blank(window), Lidar()
     known.cover(known.frame.square(*task.goal, window))
     pose = np.array(task.start)
-    known.mark_free(pose, CarLimits().body, START_MARGIN)
+    task.mark_start(known, CarLimits().body)
     route = np.empty((0, 2))
     for tick in range(math.ceil(longest / STEP)):
         known.integrate(lidar.scan(task.world, pose), pose)

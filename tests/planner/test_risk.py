@@ -249,6 +249,11 @@ def test_the_distance_field_equals_scipys_exactly_on_large_maps(density):
     assert np.array_equal(distance_field(mask), exact)
 
 
+def test_the_distance_field_is_exact_on_very_wide_maps():
+    mask = np.random.default_rng(3).random((40, 12_000)) < 1e-4
+    assert np.allclose(distance_field(mask), distance_transform_edt(~mask), atol=1e-3)
+
+
 @given(grids, shares_or_nan, shares_or_nan)
 def test_what_is_barred_was_seen_occupied_or_is_believed_to_be_rather_not_free(
     known, p_free, confidence

@@ -1,8 +1,11 @@
 """What drives leave behind to learn from: written whole, read safely, kept apart."""
 
+import itertools
+
 import numpy as np
 import pytest
 
+from foresee.mapping.body import Body
 from foresee.mapping.context import CELLS, FINER, coarse_context
 from foresee.mapping.context import SIDE as CONTEXT
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, world_hash
@@ -10,6 +13,9 @@ from predictor.data.packed_samples import SamplesError
 from predictor.data.samples import SIDE, Samples, encoded, quarters, write_samples
 from predictor.data.splits import SplitError, check_apart
 from predictor.data.squares import decode_cells
+from predictor.recording.replay import replayed_with
+from sim.buildings import task_in
+from sim.lidar import LidarConfig
 
 FRAME = GridFrame(0.05, (0.0, 0.0), (SIDE, SIDE))
 
@@ -176,3 +182,13 @@ def test_the_hash_tells_buildings_apart():
     other[3, 4] = OCCUPIED
     assert world_hash(cells) == world_hash(cells.copy())
     assert len({world_hash(cells), world_hash(other), world_hash(cells.T.copy())}) == 3
+
+
+def test_no_wall_beside_a_start_is_recorded_as_free():
+    starts = (task_in("narrow", seed) for seed in itertools.count(1_600_000))
+    task = next(task for task in starts if task.start_margin(Body()) < 0.3)
+    (known, _), *_ = replayed_with(
+        task, np.array([task.start]), 5.0, LidarConfig(), np.random.default_rng(0), 1
+    )
+    seen = known.whole()
+    assert not (seen.free & task.world.grid.crop(seen.frame).occupied).any()
