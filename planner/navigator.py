@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.control import Control
+from foresee.mapping.conventions import REST
 from foresee.mapping.error_bounds import NO_ERRORS
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
@@ -22,7 +23,6 @@ from foresee.prediction import BadPredictionError, Prediction, Predictor, Raised
 from planner.decision import Decision
 from planner.fault import Fault
 from planner.guide.guide import Guide
-from planner.motion.dynamics import REST
 from planner.motion.plan import mirrored
 from planner.mpc.initial_guess import shifted
 from planner.navigator_config import RISK_MAP_AHEAD, NavigatorConfig

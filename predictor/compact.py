@@ -28,7 +28,7 @@ from predictor.networks.compact_net import (
     widened,
 )
 from predictor.runtime import Runner, runner
-from predictor.weights import load_weights
+from predictor.weights import load_weights, modified
 
 SHIPPED, LOGS, PAPER = (
     Path(__file__).with_name(f"{name}.safetensors")
@@ -63,8 +63,7 @@ class Compact:
     """
 
     def __init__(self, weights: Path = SHIPPED, runtime: str | None = None) -> None:
-        changed = weights.stat().st_mtime_ns if weights.is_file() else 0
-        self._run, self._config, self.facts = _loaded(weights, changed, runtime)
+        self._run, self._config, self.facts = _loaded(weights, modified(weights), runtime)
         self.weights = weights
         self.context_side = SIDE if self._config.context else 0.0
 

@@ -16,7 +16,7 @@ from foresee.prediction import Prediction, View, with_observed
 from predictor.data.squares import encode_cells
 from predictor.networks.far_net import FarNet
 from predictor.runtime import Runner, runner
-from predictor.weights import load_weights
+from predictor.weights import load_weights, modified
 
 SHIPPED = Path(__file__).with_name("far.safetensors")
 """File of the weights in this package; docs/reference/cards/far.md describes it."""
@@ -41,8 +41,7 @@ class Far:
     context_side = 0.0
 
     def __init__(self, weights: Path = SHIPPED, runtime: str | None = None) -> None:
-        changed = weights.stat().st_mtime_ns if weights.is_file() else 0
-        self._run, self._multiple, self.facts = _loaded(weights, changed, runtime)
+        self._run, self._multiple, self.facts = _loaded(weights, modified(weights), runtime)
         self.weights, self._runtime = weights, runtime
 
     def __reduce__(self) -> tuple[type[Far], tuple[Path, str | None]]:

@@ -19,7 +19,7 @@ from predictor.networks.grey_image import grey_level, map_images, pixels_at_cell
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
 from predictor.runtime import Runner, runner
-from predictor.weights import load_weights
+from predictor.weights import load_weights, modified
 
 SUREST = 0.9999
 """Confidence inside the predicted square, just below certainty: these networks give no measure of
@@ -44,8 +44,9 @@ class ImagePredictor:
     context_side = 0.0
 
     def __init__(self, weights: Path, runtime: str | None = None) -> None:
-        changed = weights.stat().st_mtime_ns if weights.is_file() else 0
-        self._run, self.config, self._chances, self.facts = _loaded(weights, changed, runtime)
+        self._run, self.config, self._chances, self.facts = _loaded(
+            weights, modified(weights), runtime
+        )
 
     def predict(self, view: View) -> Prediction:
         """Predict the unobserved part of a window."""

@@ -17,7 +17,7 @@ from foresee.mapping.grid import Grid
 from foresee.mapping.resampling import resampled
 from predictor.data.frontier_samples import frontier_pictures
 from predictor.networks.frontier_net import FARTHEST, FrontierNet
-from predictor.weights import load_weights
+from predictor.weights import load_weights, modified
 
 SHIPPED = Path(__file__).with_name("frontiers.safetensors")
 """File of the weights in this package; docs/reference/cards/frontiers.md describes it."""
@@ -37,8 +37,7 @@ class LearnedFrontiers:
     """
 
     def __init__(self, weights: Path = SHIPPED) -> None:
-        changed = weights.stat().st_mtime_ns if weights.is_file() else 0
-        self._net, self.facts = _loaded(weights, changed)
+        self._net, self.facts = _loaded(weights, modified(weights))
         self.weights = weights
 
     def __reduce__(self) -> tuple[type[LearnedFrontiers], tuple[Path]]:

@@ -53,6 +53,11 @@ def weights_path(given: Path) -> Path:
     return shipped[str(given)]
 
 
+def modified(weights: Path) -> int:
+    """Return when a file was modified [ns], 0 if there is none; networks are cached by it."""
+    return weights.stat().st_mtime_ns if weights.is_file() else 0
+
+
 class Net(Protocol):
     """A network whose weights can be saved: a torch module made from a frozen configuration.
 

@@ -14,10 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from foresee.mapping.body import Body, Scene, first_contact
 from foresee.mapping.car_limits import JUDGE_MARGIN, CarLimits
 from foresee.mapping.control import Control
+from foresee.mapping.conventions import REST
 from sim.world import World
-
-REST = 1e-6
-"""Speed below which a car stands, since braking may leave a rounding error of its speed [m/s]."""
 
 
 class DubinsCar:

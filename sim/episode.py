@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.body import Body
-from foresee.mapping.conventions import GOAL_RADIUS, TICK
-from sim.car import REST, DubinsCar
+from foresee.mapping.conventions import GOAL_RADIUS, REST, TICK
+from sim.car import DubinsCar
 from sim.driver_protocol import Decision, Driver
 from sim.errors import Errors, Robot
 from sim.lidar import Lidar

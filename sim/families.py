@@ -54,7 +54,7 @@ def generate(family: str, seed: int) -> World:
     return draw[family](rng).world(f"{family}-{seed}")
 
 
-def empty_straight(length: float = 60.0, width: float = 4.0) -> World:
+def empty_straight(length: float, width: float) -> World:
     """Return a building of one straight corridor of a length and width [m], closed at both ends."""
     canvas = Canvas(length + 1.0, width + 1.0)
     canvas.room((0.5, 0.5), (0.5 + length, 0.5 + width))

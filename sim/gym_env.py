@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
-from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.conventions import RESOLUTION, REST
 from foresee.mapping.grid import Grid, OccupancyGrid
 from foresee.mapping.polyline import arc_length, points_at
 from foresee.mapping.scan import Scan
 from sim.buildings import task_in_world
-from sim.car import REST, DubinsCar
+from sim.car import DubinsCar
 from sim.controller import Controller, Mission
 from sim.episode import EpisodeConfig, Outcome, outcome_of
 from sim.families import generate

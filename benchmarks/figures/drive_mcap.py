@@ -6,7 +6,7 @@ the drive made them; nothing is planned or driven again. The plans are the saved
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -93,10 +93,8 @@ class _Drive:
         if arm_kind(name) not in ARMS:
             raise RunError(f"{run.directory}: no arm is called {name!r} any more")
         trace, result, arm = run.trace(index, name), run.drives[index, name], ARMS[arm_kind(name)]
-        known = {f.name: run.settings[f.name] for f in fields(Settings) if f.name in run.settings}
-        known = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
         rules = Rules(top_speed=result.top_speed)
-        settings = limit_speed(Settings(**known), [rules])
+        settings = limit_speed(Settings.of_saved(run.settings), [rules])
         if max(settings.pose_error, settings.yaw_error, settings.jitter, settings.missed) > 0.0:
             raise RunError(
                 f"{run.directory}: the estimated poses of drives with --pose-error, --yaw-error, "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from json import dumps, loads
 from typing import Any, Self, get_type_hints
@@ -307,6 +308,18 @@ class Settings(Options):
     def of(cls, args: Namespace, *names: str) -> Self:
         """Make the settings from the parsed arguments of a command line; see `Options.of`."""
         return cls.with_defaults(**cls.parsed(args, *names))
+
+    @classmethod
+    def of_saved(cls, saved: Mapping[str, Any], **other: Any) -> Self:
+        """Return the settings of a run from its file; what is no setting any more is left out.
+
+        Args:
+            saved: settings by name, as JSON has them.
+            other: settings that replace saved ones.
+        """
+        known: dict[str, Any] = {f.name: saved[f.name] for f in fields(cls) if f.name in saved}
+        known = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
+        return cls(**known | other)
 
     @classmethod
     def with_defaults(cls, **given: Any) -> Self:

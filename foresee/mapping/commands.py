@@ -10,10 +10,7 @@ from dataclasses import dataclass
 
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
-from foresee.mapping.conventions import TICK
-
-REST = 1e-6
-"""Speed below which a car stands, and may change its gear [m/s]."""
+from foresee.mapping.conventions import REST, TICK
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 TICK = 0.1
 """Control period: each control is applied for this long [s]. 10 Hz, as in Katyal et al. 2018."""
+REST = 1e-6
+"""Speed below which a car stands, and may change its gear [m/s]; braking may leave a little."""
 GOAL_RADIUS = 0.5
 """Distance of the car's centre from the goal at which a drive ends, at any speed [m]."""
 RESOLUTION = 0.05

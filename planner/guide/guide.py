@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import REST
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction, Predictor
 from planner.fault import Fault
@@ -20,7 +21,6 @@ from planner.guide.guide_config import GuideConfig
 from planner.guide.in_order import InOrder
 from planner.guide.path_search import Found, Memory, PathSearch, Request, front
 from planner.guide.turn import longest, rate_towards
-from planner.motion.dynamics import REST
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
 from planner.risk.risk_map import RiskMap

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.context import SIDE, coarse_map
+from foresee.mapping.conventions import REST
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import BadPredictionError, Caller, Prediction, Predictor, View
 from planner.fault import Fault
@@ -23,7 +24,6 @@ from planner.guide.route import find_route
 from planner.guide.smoothing import Smoother
 from planner.guide.subgoals import with_frontiers
 from planner.guide.turn import angle_to, can_turn
-from planner.motion.dynamics import REST
 from planner.motion.goal import PATH_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.risk.cost_map import Belief, CostMap, remember, remember_far

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from foresee.mapping.body import Scene, first_contact
 from foresee.mapping.car_limits import CONTACT_MARGIN, JUDGE_MARGIN, CarLimits
-from foresee.mapping.conventions import TICK
-from planner.motion.dynamics import REST
+from foresee.mapping.conventions import REST, TICK
 from planner.risk.risk_map import RiskMap
 
 LOOK = 1.0

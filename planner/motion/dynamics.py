@@ -19,9 +19,6 @@ import numpy as np
 
 from foresee.mapping.kernels import njit
 
-REST = 1e-6
-"""Speed below which a car stands, and may change its gear [m/s]."""
-
 
 @njit(cache=True, nogil=True)
 def rollout(state, controls, dt, limits):  # type: ignore[no-untyped-def]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import REST
 from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from planner.fault import Fault
-from planner.motion.dynamics import REST
 from planner.motion.goal import ONWARD_GOAL_RADIUS, PLAN_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import Plan

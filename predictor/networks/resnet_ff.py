@@ -31,10 +31,9 @@ class ResNet(nn.Module):
     Args:
         width: factor of the number of channels.
         over: "image" or "batch", see `predictor.networks.normalisation`.
-        dropout: dropout rate inside the blocks.
     """
 
-    def __init__(self, width: float, over: str, dropout: float = 0.5) -> None:
+    def __init__(self, width: float, over: str) -> None:
         super().__init__()
         fine, middle, coarse = (max(1, round(width * channels)) for channels in (64, 128, 256))
         layers: list[nn.Module] = [nn.ReflectionPad2d(3), nn.Conv2d(1, fine, 7, bias=False)]
@@ -42,7 +41,7 @@ class ResNet(nn.Module):
         for inputs, outputs in ((fine, middle), (middle, coarse)):
             layers.append(nn.Conv2d(inputs, outputs, 3, 2, 1, bias=False))
             layers += [make_norm(over, outputs), nn.ReLU()]
-        layers += [Block(coarse, over, dropout) for _ in range(BLOCKS)]
+        layers += [Block(coarse, over) for _ in range(BLOCKS)]
         for inputs, outputs in ((coarse, middle), (middle, fine)):
             layers.append(nn.ConvTranspose2d(inputs, outputs, 3, 2, 1, 1, bias=False))
             layers += [make_norm(over, outputs), nn.ReLU()]
@@ -58,14 +57,14 @@ class ResNet(nn.Module):
 class Block(nn.Module):
     """A residual block: x + two 3 × 3 convolutions."""
 
-    def __init__(self, width: int, over: str, dropout: float) -> None:
+    def __init__(self, width: int, over: str) -> None:
         super().__init__()
         self.layers = nn.Sequential(
             nn.ReflectionPad2d(1),
             nn.Conv2d(width, width, 3, bias=False),
             make_norm(over, width),
             nn.ReLU(),
-            nn.Dropout(dropout),
+            nn.Dropout(),
             nn.ReflectionPad2d(1),
             nn.Conv2d(width, width, 3, bias=False),
             make_norm(over, width),

@@ -48,10 +48,9 @@ class UNet(nn.Module):
         side: side of the images [pixels], a power of two.
         width: factor of the number of channels.
         over: "image" or "batch", see `predictor.networks.normalisation`.
-        dropout: dropout rate of the first `DROPPING` decoder layers.
     """
 
-    def __init__(self, side: int, width: float, over: str, dropout: float = 0.5) -> None:
+    def __init__(self, side: int, width: float, over: str) -> None:
         super().__init__()
         depth = side.bit_length() - 1
         widths = [max(1, round(width * min(64 * 2**layer, 512))) for layer in range(depth)]
@@ -67,7 +66,7 @@ class UNet(nn.Module):
             last = layer == depth - 1
             conv_up = nn.ConvTranspose2d(inputs, outputs, 4, 2, 1, bias=last)
             rest = [] if last else [make_norm(over, outputs)]
-            rest += [nn.Dropout(dropout)] if layer < DROPPING else []
+            rest += [nn.Dropout()] if layer < DROPPING else []
             self.up.append(nn.Sequential(conv_up, *rest))
 
     def forward(self, x: Tensor) -> Tensor:

@@ -8,13 +8,12 @@ import pytest
 from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
-from foresee.mapping.conventions import TIGHTEST
+from foresee.mapping.conventions import REST, TIGHTEST
 from foresee.mapping.error_bounds import ErrorBounds
 from planner.motion.dynamics import pose_along, rollout
 from planner.safety.sent_controls import SentControls
 from planner.safety.tube import carried_out, planned, radii
 from sim import DubinsCar
-from sim.car import REST
 from sim.errors import Actuators, PoseEstimate
 
 CAR, DT = CarLimits(), 0.1

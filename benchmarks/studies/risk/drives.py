@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -78,11 +78,9 @@ def saved_drives(folders: Sequence[Path]) -> tuple[list[Series], dict[str, list[
 
 
 def _series(run: Run, arm: str) -> Series:
-    settings = {k.name: run.settings[k.name] for k in fields(Settings) if k.name in run.settings}
-    settings = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
-    settings |= {"arms": (arm,)}
+    settings = Settings.of_saved(run.settings, arms=(arm,))
     reliance = ARMS[arm].reliance
     reliance = run.settings["reliance"] if reliance is None else reliance
     # Arms that treat unobserved space as free promise nothing, nor do cars with a noisy LIDAR.
     risk = None if reliance == 1.0 or run.setting("noise") > 0.0 else 0.0
-    return Series("run", run.label, arm, Settings(**settings), risk)
+    return Series("run", run.label, arm, settings, risk)

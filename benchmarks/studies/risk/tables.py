@@ -158,5 +158,5 @@ def _number(value: float | None, form: str) -> str:
     return DASH if value is None else format(value, form)
 
 
-def _estimate(value: dict[str, Any] | None, form: str, scale: float = 1.0) -> str:
-    return DASH if value is None else interval(value, form, scale)
+def _estimate(value: dict[str, Any] | None, form: str) -> str:
+    return DASH if value is None else interval(value, form)
