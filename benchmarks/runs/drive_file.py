@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import weakref
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import MISSING
@@ -17,7 +19,7 @@ from foresee.infra.markdown import records
 from foresee.infra.plain_json import fits
 from foresee.infra.progress import progress
 from foresee.infra.results_file import COMMANDS, read_results
-from foresee.infra.resumable import lock, refuse_other_settings
+from foresee.infra.resumable import lock, refuse_other_settings, unlock
 from foresee.infra.workers import LostError, finished
 from planner.revision import revision_of
 
@@ -108,7 +110,8 @@ class DriveFile:
         self._head = {"kind": kind, "settings": settings}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._lock = lock(path.with_name(f".{path.name}.lock"), path)
+            held = path.with_name(f".{path.name}.lock")
+            weakref.finalize(self, unlock, held, lock(held, path), os.getpid())
         except (OSError, ValueError) as error:
             raise UsageError(f"--out: {path} cannot be made: {one_line(error)}") from None
         if path.exists():

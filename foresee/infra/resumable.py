@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import itertools
 import json
+import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Self
@@ -147,15 +148,32 @@ def lock(path: Path, what: Path) -> BinaryIO:
         OSError: if it cannot be opened.
         ValueError: if it is no plain, empty file.
     """
-    if path.exists():
-        check_input(path, 0)
-    file = path.open("ab")
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    while True:
+        if path.exists():
+            check_input(path, 0)
+        file = path.open("ab")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.close()
+            raise UsageError(f"{what} is in use: another run is at work there") from None
+        # Who held it may have removed it since it was opened.
+        if path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat()):
+            return file
         file.close()
-        raise UsageError(f"{what} is in use: another run is at work there") from None
-    return file
+
+
+def unlock(path: Path, file: BinaryIO, process: int) -> None:
+    """Remove and close a lock, in the process that holds it.
+
+    Args:
+        path: path of the lock.
+        file: what `lock` returned.
+        process: number of the process that called `lock`; others inherit the file if they fork.
+    """
+    if os.getpid() == process:
+        path.unlink(missing_ok=True)
+    file.close()
 
 
 def refuse_other_settings(
