@@ -111,6 +111,7 @@ class DriveFile:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             held = path.with_name(f".{path.name}.lock")
+            # Removed with this object, or at the end of the process.
             weakref.finalize(self, unlock, held, lock(held, path), os.getpid())
         except (OSError, ValueError) as error:
             raise UsageError(f"--out: {path} cannot be made: {one_line(error)}") from None

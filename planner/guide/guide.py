@@ -20,7 +20,7 @@ from planner.guide.elastic_band import BODY_MARGIN
 from planner.guide.guide_config import GuideConfig
 from planner.guide.in_order import InOrder
 from planner.guide.path_search import Found, Memory, PathSearch, Request, front
-from planner.guide.turn import longest, rate_towards
+from planner.guide.turn import longest_turn, rate_towards
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
 from planner.risk.risk_map import RiskMap
@@ -161,7 +161,7 @@ class Guide:
             return 0.0, ()
         if self._turn_ticks is None:
             angle = math.remainder(self.turn_to - float(state[2]), 2.0 * math.pi)
-            self._turn_ticks = longest(angle, self.car)
+            self._turn_ticks = longest_turn(angle, self.car)
         self._turn_ticks -= 1
         has_failed = self._turn_ticks < 0
         rate = 0.0 if has_failed else rate_towards(self.turn_to, state, risk, self.car)

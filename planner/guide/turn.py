@@ -52,7 +52,7 @@ def can_turn(pose: NDArray[np.float64], angle: float, risk: RiskMap, car: CarLim
     return bool(first_contact(scene, poses) < 0)
 
 
-def longest(angle: float, car: CarLimits) -> int:
+def longest_turn(angle: float, car: CarLimits) -> int:
     """Return how many ticks a turn may take: twice as many as at the full yaw rate, and a second.
 
     Args:

@@ -66,6 +66,7 @@ class UNet(nn.Module):
             last = layer == depth - 1
             conv_up = nn.ConvTranspose2d(inputs, outputs, 4, 2, 1, bias=last)
             rest = [] if last else [make_norm(over, outputs)]
+            # `predictor.training.image_learner` sets the rate of the training.
             rest += [nn.Dropout()] if layer < DROPPING else []
             self.up.append(nn.Sequential(conv_up, *rest))
 

@@ -21,6 +21,7 @@ from benchmarks.studies.worth.series import (
 from benchmarks.studies.worth.tables import tables
 from predictor.recording.settings import LEARNED
 
+SIGHTS = ((5.0, 4.0), (20.0, 8.0))
 SETTINGS = Settings(world=("corridor",), route="fixed", predictor="none", episodes=9)
 TIMES = {
     "known": 20.0,
@@ -140,9 +141,6 @@ def test_a_table_gives_the_times_in_each_family_and_names_those_who_are_slower()
     assert "in each family" not in tables(
         {"rows": rows(*driven(WINDOWS)), "left_out": [], "missing": 0}
     )
-
-
-SIGHTS = ((5.0, 4.0), (20.0, 8.0))
 
 
 def test_the_series_have_names_and_buildings_of_their_own_and_the_same_tasks_in_a_group(short_map):
