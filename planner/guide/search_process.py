@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+import pickle
 import signal
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
@@ -39,13 +40,21 @@ class SearchProcess(Executor):
         self._loaded.result()
 
     def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Start a call, whose arguments must be picklable, and return its future."""
+        """Start a call, whose arguments must be picklable, and return its future.
+
+        The caller may change the arguments as soon as this returns.
+        """
+        from joblib.externals.loky.backend.reduction import dumps
+
+        # The pool would pickle them later, in a thread, while the caller's next tick adds what it
+        # has computed to the same maps.
+        pickled = bytes(dumps((call, args, kwargs)))
         try:
-            future: Future[Any] = self._pools[0].submit(call, *args, **kwargs)
+            future: Future[Any] = self._pools[0].submit(_call, pickled)
         except BrokenExecutor:
             self._pools[0] = _new_pool()
             self._loaded = self._load()
-            future = self._pools[0].submit(call, *args, **kwargs)
+            future = self._pools[0].submit(_call, pickled)
         watch = Timer(LONGEST, _kill_if_stuck, (future, self._loaded))
         watch.daemon = True
         watch.start()
@@ -75,6 +84,12 @@ def _new_pool() -> Any:
 def _end(pools: list[Any]) -> None:
     """End the process of a list of one pool."""
     pools[0].shutdown(kill_workers=True)
+
+
+def _call(pickled: bytes) -> Any:
+    """Make a call, given as the function and its arguments, pickled."""
+    call, args, kwargs = pickle.loads(pickled)
+    return call(*args, **kwargs)
 
 
 def _load() -> int:

@@ -153,6 +153,27 @@ def test_a_search_process_that_dies_costs_a_path_and_is_replaced():
         process.shutdown()
 
 
+class Watched:
+    """Tells when it is pickled."""
+
+    def __init__(self):
+        self.threads = []
+
+    def __reduce__(self):
+        self.threads.append(threading.current_thread())
+        return list, ()
+
+
+def test_what_a_search_is_given_may_change_as_soon_as_it_has_started():
+    process, given = SearchProcess(), Watched()
+    try:
+        assert process.submit(len, given).result() == 0
+    finally:
+        process.shutdown()
+    # No other thread reads it, as one would that pickles it later.
+    assert given.threads == [threading.current_thread()]
+
+
 def test_a_search_that_does_not_end_is_ended(monkeypatch):
     monkeypatch.setattr(search_process, "LONGEST", 0.2)
     process = SearchProcess()
