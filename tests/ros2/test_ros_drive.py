@@ -96,7 +96,9 @@ def test_a_simulator_that_is_killed_and_started_again_stops_the_car_and_it_goes_
         report = stage.wait_for_report(
             lambda r: r[0] == ERROR and all(line in r[1] for line in both), "it does not stop"
         )
-        stage.wait_for(lambda: stage.command == (0.0, 0.0), "the command is not to stand")
+        # It brakes at the rate of its ticks, although the clock stands: in 2 s, after a timeout of
+        # 2 s. One command for each timeout would take 40 s.
+        stage.wait_for(lambda: stage.command == (0.0, 0.0), "the command is not to stand", 20.0)
     fresh, back = int(report[2]["fresh_starts"]), stage.times_back
     with robot():
         wait_until_it_drives(stage)

@@ -119,9 +119,9 @@ class Stage:
                     process.kill()
                     process.wait()
 
-    def wait_for(self, condition, what):
-        """Wait until a condition holds."""
-        end = time.monotonic() + PATIENCE
+    def wait_for(self, condition, what, patience=PATIENCE):
+        """Wait until a condition holds, for some seconds at most."""
+        end = time.monotonic() + patience
         while not condition():
             assert time.monotonic() < end, f"{what}; log:\n{self._log.read_text()}"
             time.sleep(0.02)

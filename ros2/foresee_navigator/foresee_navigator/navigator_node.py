@@ -77,7 +77,7 @@ class NavigatorNode(Node):
         self.create_subscription(Odometry, "odom", self._take_odometry, qos_profile_sensor_data)
         if not settings.predict_only:
             self.create_subscription(PoseStamped, "goal_pose", self._take_goal, 1)
-        self.create_timer(TICK, self._tick)
+        self.create_timer(TICK, self._tick_on_clock)
         # The node's clock may be that of a simulator, which stops when the simulator ends.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK, self._tick_if_none, clock=steady)
@@ -136,8 +136,12 @@ class NavigatorNode(Node):
         count = self._around.fresh_starts + 1
         self._around = replace(self._around, fresh_starts=count, last_fresh_start=why)
 
+    def _tick_on_clock(self) -> None:
+        self._tick()
+        self._ticked = time.monotonic()
+
     def _tick_if_none(self) -> None:
-        """Run a tick although the node's clock stands, so that the car stops."""
+        """Run the ticks although the node's clock stands, so that the car brakes to rest."""
         if time.monotonic() - self._ticked > self._settings.timeout:
             self._tick()
 
@@ -151,9 +155,7 @@ class NavigatorNode(Node):
         if not complaints and (taken is None or motion is None):
             complaints = ("no odometry at the time of the scan, or now",)
         self._around = replace(self._around, complaints=complaints)
-        report = self._act(scan, taken, motion)
-        self._ticked = time.monotonic()
-        self._publish(report)
+        self._publish(self._act(scan, taken, motion))
 
     def _act(self, message: Any, taken: Motion | None, motion: Motion | None) -> Report:
         """Drive or predict; without a motion, stop."""
