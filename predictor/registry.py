@@ -6,28 +6,27 @@ from contextlib import suppress
 from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.errors import LineError, one_line
 from foresee.infra.plug_in import PlugInError, load_plug_in
 from foresee.prediction import BadPredictionError, Caller, Predictor
-from predictor.compact import Compact
-from predictor.far import Far
-from predictor.fused import Fused
-from predictor.image_predictor import ImagePredictor
-from predictor.learned_frontiers import LearnedFrontiers
-from predictor.networks.compact_net import CompactNet
-from predictor.networks.grey_net import GreyNet
 from predictor.provenance import weights_fingerprint
 from predictor.source import Source
 from predictor.weights import SUFFIX, WeightsError, read_facts
+
+# Modules that run networks are imported where one is made: PyTorch takes seconds to import, which
+# the processes of drives without a network save.
+if TYPE_CHECKING:
+    from predictor.far import Far
+    from predictor.learned_frontiers import LearnedFrontiers
 
 GROUP = "foresee.predictors"
 """Entry point group in which a package offers predictors."""
 FUSED = "fused:"
 """Prefix of FOLDER/ARCH: the networks of an architecture in a study's folder, fused into one."""
-Learned = TypeVar("Learned", LearnedFrontiers, Far)
+Learned = TypeVar("Learned", "LearnedFrontiers", "Far")
 
 
 class PredictorError(LineError):
@@ -55,7 +54,7 @@ def load_predictor(spec: str) -> Predictor:
     if spec.endswith(SUFFIX):
         factory: Any = partial(_of_weights, Path(spec))
     elif spec.startswith(FUSED):
-        factory = partial(Fused.of_study, spec.removeprefix(FUSED))
+        factory = partial(_fused, spec.removeprefix(FUSED))
     else:
         factory = _imported(spec) if is_plug_in(spec) else _named(spec)
     if not callable(factory):
@@ -111,6 +110,8 @@ def load_frontiers(spec: str) -> FrontierPredictor:
     Raises:
         PredictorError: if there is no such predictor, or it cannot be made.
     """
+    from predictor.learned_frontiers import LearnedFrontiers
+
     return _learned(LearnedFrontiers, spec, "predictor of frontiers")
 
 
@@ -124,6 +125,8 @@ def load_far(spec: str) -> Predictor:
     Raises:
         PredictorError: if there is no such predictor, or it cannot be made.
     """
+    from predictor.far import Far
+
     return _learned(Far, spec, "far predictor")
 
 
@@ -160,8 +163,20 @@ def _named(name: str) -> Any:
         ) from error
 
 
+def _fused(study: str) -> Predictor:
+    """Return the networks of an architecture in a study's folder, FOLDER/ARCH, fused into one."""
+    from predictor.fused import Fused
+
+    return Fused.of_study(study)
+
+
 def _of_weights(path: Path) -> Predictor:
     """Return a predictor that runs the network of a file."""
+    from predictor.compact import Compact
+    from predictor.image_predictor import ImagePredictor
+    from predictor.networks.compact_net import CompactNet
+    from predictor.networks.grey_net import GreyNet
+
     architecture, _ = read_facts(path)
     if architecture in CompactNet.ARCHITECTURES:
         return Compact(path)
