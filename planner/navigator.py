@@ -32,7 +32,7 @@ from planner.risk.predictor_process import PredictorProcess
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
 from planner.safety.limiting_factor import Limit, what_limits
-from planner.safety.plan_choice import Choice, Memory, PlanChooser
+from planner.safety.plan_choice import Choice, PlanChooser, PlanMemory
 from planner.safety.sent_controls import SentControls
 from planner.safety.situation import Situation
 from planner.safety.tube import planned
@@ -433,7 +433,7 @@ class _Before(NamedTuple):
     """
 
     chooser: PlanChooser
-    memory: Memory
+    memory: PlanMemory
     decision: Decision | None
 
     @classmethod

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+from benchmarks.runs import statistics
 from benchmarks.runs.drive import run_fingerprint
 from benchmarks.runs.drive_file import NO_TASK, DriveFile, refuse_other_revision
 from benchmarks.runs.drive_result import DriveResult
@@ -45,19 +46,19 @@ def predictor_label(predictor: str) -> str:
     return Path(predictor).name.removesuffix(".safetensors")
 
 
-def paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
+def paired_drives(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
     """Return the results of arms, or other drivers, on the episodes that all of them have driven.
 
     Args:
         drives: name of each → entries of its drives; those in buildings without a task are left
             out.
     """
-    results = {
-        name: {d["index"]: DriveResult.from_json(d) for d in of if d["outcome"] != NO_TASK}
-        for name, of in drives.items()
-    }
-    common = sorted(set.intersection(*map(set, results.values())))
-    return {name: [of[index] for index in common] for name, of in results.items()}
+    return statistics.paired(
+        {
+            name: [DriveResult.from_json(d) for d in of if d["outcome"] != NO_TASK]
+            for name, of in drives.items()
+        }
+    )
 
 
 def drive_all(

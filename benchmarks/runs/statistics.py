@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import compress
 from typing import Any
 
@@ -23,6 +23,17 @@ BASELINES = ("known", "backup")
 
 BARN_CUT = (4.0, 8.0)
 """Multiples of T* to which the published score of the BARN challenge cuts times."""
+
+
+def paired(results: Mapping[str, Iterable[DriveResult]]) -> ResultsByArm:
+    """Return the results of arms, or of other drivers, on the episodes that all have finished.
+
+    Args:
+        results: name of each → its results, in any order.
+    """
+    by_index = {name: {r.index: r for r in of} for name, of in results.items()}
+    common = sorted(set[int].intersection(*map(set, by_index.values())))
+    return {name: [of[index] for index in common] for name, of in by_index.items()}
 
 
 def wilson(successes: float, trials: float) -> tuple[float, float]:

@@ -17,17 +17,14 @@ from sim.episode import Outcome
 OUTCOMES = tuple(map(str, Outcome))
 
 
-def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> ResultsByArm:
-    """Return the results of each arm on the episodes that all arms have finished, in one order."""
-    by_key = {(r.index, r.arm): r for r in episodes}
-    indices = sorted({r.index for r in episodes})
-    common = [i for i in indices if all((i, arm) in by_key for arm in arms)]
-    return {arm: [by_key[i, arm] for i in common] for arm in arms}
+def _paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> ResultsByArm:
+    """Return the results of each arm on the episodes that all arms have finished."""
+    return statistics.paired({arm: [r for r in episodes if r.arm == arm] for arm in arms})
 
 
 def summarise(episodes: list[DriveResult], arms: tuple[str, ...]) -> dict[str, Any]:
     """Return arm → measures over the paired episodes; {} if no episode is finished by all arms."""
-    by_arm = paired(episodes, arms)
+    by_arm = _paired(episodes, arms)
     if not next(iter(by_arm.values()), []):
         return {}
     return {arm: _measures(by_arm, arm) for arm in arms}
@@ -121,7 +118,7 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
         the arm takes a risk: the baseline would have to take the same, and no arm without a
         network does. `benchmarks.studies.worth` compares with rules that do.
     """
-    by_arm = paired(episodes, arms)
+    by_arm = _paired(episodes, arms)
 
     def share(arm: str, key: str) -> dict[str, Any] | None:
         at_a_risk = arm != CALIBRATED_ARM or any(result.level for result in by_arm[arm])

@@ -19,7 +19,7 @@ from planner.fault import Fault
 from planner.guide.elastic_band import BODY_MARGIN
 from planner.guide.guide_config import GuideConfig
 from planner.guide.in_order import InOrder
-from planner.guide.path_search import Found, Memory, PathSearch, Request, front
+from planner.guide.path_search import Found, PathSearch, Request, SearchMemory, front
 from planner.guide.turn import longest_turn, rate_towards
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
@@ -81,7 +81,7 @@ class Guide:
         self.car, self.config = car, config
         self._executor = executor or InOrder()
         self._running: Future[Found] | None = None
-        self._memory = Memory()
+        self._memory = SearchMemory()
         self.path: Path | None = None
         self._whole: Path | None = None
         self.segment = 0

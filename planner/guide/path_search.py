@@ -40,7 +40,7 @@ for a car that is stuck [rad]."""
 
 
 @dataclass(frozen=True)
-class Memory:
+class SearchMemory:
     """What one search leaves to the next.
 
     Attributes:
@@ -84,7 +84,7 @@ class Request:
     path: Path | None
     is_clear: bool
     segment: int
-    memory: Memory
+    memory: SearchMemory
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class Found:
     """
 
     request: Request
-    memory: Memory
+    memory: SearchMemory
     faults: tuple[Fault, ...] = ()
     path: Path | None = None
     legs: list[tuple[int, Path]] | None = None
@@ -167,7 +167,7 @@ class PathSearch:
             faults.append(Fault.PATH_FAILED)
         return replace(found, faults=tuple(faults), ms=1e3 * (time.perf_counter() - started))
 
-    def _remembered(self, request: Request, faults: list[Fault]) -> Memory:
+    def _remembered(self, request: Request, faults: list[Fault]) -> SearchMemory:
         """Return the memory with the newest predictions and the place on the prescribed route.
 
         Faults that are handled are added to the list.
@@ -189,7 +189,7 @@ class PathSearch:
         # A part of the route that is farther away may lie behind a wall: it is not reached yet.
         return replace(memory, segment=at) if square < self.config.beside**2 else memory
 
-    def _costs(self, request: Request, memory: Memory, faults: list[Fault]) -> _Costs:
+    def _costs(self, request: Request, memory: SearchMemory, faults: list[Fault]) -> _Costs:
         """Return the cost map, and the rest of the prescribed route if there is one.
 
         Faults that are handled are added to the list.

@@ -65,7 +65,7 @@ class _Intention(NamedTuple):
     faults: tuple[Fault, ...] = ()
 
 
-class Memory(NamedTuple):
+class PlanMemory(NamedTuple):
     """What a `PlanChooser` remembers of the last tick.
 
     Attributes:
@@ -129,14 +129,14 @@ class PlanChooser:
         # A car at rest may stay at rest.
         self._kept = stop_controls(self.mpc.stages, self.mpc.limits.braking, 0.0)
 
-    def memory(self) -> Memory:
+    def memory(self) -> PlanMemory:
         """Return what is remembered of the last tick, for `recall`."""
         # None of them is changed in place.
-        return Memory(
+        return PlanMemory(
             self._intended, self._last_cautious, self._curvature, self._kept, self.resort.controls
         )
 
-    def recall(self, memory: Memory) -> None:
+    def recall(self, memory: PlanMemory) -> None:
         """Go back to what was remembered when `memory` was called."""
         self._intended, self._last_cautious, self._curvature, self._kept, resort = memory
         self.resort.controls = resort

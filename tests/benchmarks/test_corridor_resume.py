@@ -164,7 +164,16 @@ def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
     short_map, tmp_path, monkeypatch
 ):
     distributed = pytest.importorskip("distributed")
-    command = ("--world", short_map, "--episodes", 2, "--arms", "known,predicted", "--predictor", "extend")
+    command = (
+        "--world",
+        short_map,
+        "--episodes",
+        2,
+        "--arms",
+        "known,predicted",
+        "--predictor",
+        "extend",
+    )
     for jobs in (1, 2):
         assert run(*command, "--jobs", jobs, "--out", tmp_path / str(jobs)) == 0
     plain, killed = Store.add, []

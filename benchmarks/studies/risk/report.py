@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.drive_series import paired, predictor_label
+from benchmarks.runs.drive_series import paired_drives, predictor_label
 from benchmarks.runs.statistics import ResultsByArm
 from benchmarks.studies.risk.drives import Drives
 from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE, Series
@@ -97,7 +97,7 @@ def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, A
             continue
         # The statistics call the arm that is compared `predicted`.
         baselines = {arm: of for arm, of in same_tasks.items() if arm != series.arm}
-        arms = paired({"predicted": drives[series.name], **baselines})
+        arms = paired_drives({"predicted": drives[series.name], **baselines})
         if not arms["predicted"]:
             continue
         known, full = (
@@ -136,7 +136,9 @@ def pooled_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, 
             levels[series.tasks] = series.settings.level
             drives_at += _with_task(drives[series.name])
             baselines = _baselines(series, all_series, drives)
-            for arm, results in paired({"predicted": drives[series.name], **baselines}).items():
+            for arm, results in paired_drives(
+                {"predicted": drives[series.name], **baselines}
+            ).items():
                 arms[arm] += results
         if drives_at:
             collided, worlds = _collided(drives_at), [d["world"] for d in drives_at]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchmarks.runs import statistics
-from benchmarks.runs.drive_series import paired
+from benchmarks.runs.drive_series import paired_drives
 from benchmarks.runs.statistics import BASELINES, ResultsByArm
 from benchmarks.studies.worth.series import RULES, Series
 from foresee.mapping.car_limits import CarLimits
@@ -24,7 +24,7 @@ def rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
 
 
 def _group_rows(group: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
-    by_driver = paired({series.driver: drives[series.name] for series in group})
+    by_driver = paired_drives({series.driver: drives[series.name] for series in group})
     if not next(iter(by_driver.values())):
         return []
     return [_row(series, group, by_driver) for series in group]
