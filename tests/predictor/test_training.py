@@ -224,35 +224,21 @@ def test_weights_are_not_validated_on_what_they_have_learned(data, tmp_path, sma
 @pytest.mark.slow(30)
 def test_one_command_makes_samples_and_weights_and_goes_on_when_killed_without_warning(tmp_path):
     data = tmp_path / "data"
-    command = [
-        sys.executable,
-        "-m",
-        "predictor.train",
-        "--data",
-        str(data),
-        "--train",
-        "1",
-        "--validation",
-        "1",
-        "--steps",
-        "12",
-        "--batch",
-        "2",
-        "--jobs",
-        "1",
-    ]
-    subprocess.run([*command, "--out", tmp_path / "whole"], check=True, capture_output=True)
+    command = ["--data", str(data), "--train", "1", "--validation", "1", "--steps", "12"]
+    command += ["--batch", "2", "--jobs", "1"]
+    assert main([*command, "--out", str(tmp_path / "whole")]) == 0
     assert len(Samples.load(data / "train")) > 20
     assert {"checkpoint.pt", "log.jsonl", "curve.png", "compact.safetensors"} <= {
         path.name for path in (tmp_path / "whole").iterdir()
     }
     out = tmp_path / "killed"
-    with subprocess.Popen([*command, "--out", out], stderr=subprocess.PIPE) as process:
+    program = [sys.executable, "-m", "predictor.train", *command, "--out", out]
+    with subprocess.Popen(program, stderr=subprocess.PIPE) as process:
         while not (out / "log.jsonl").exists():
             assert process.poll() is None, process.stderr.read()
             time.sleep(0.01)
         process.kill()
-    subprocess.run([*command, "--out", out], check=True, capture_output=True)
+    assert main([*command, "--out", str(out)]) == 0
     logs = [(tmp_path / name / "log.jsonl").read_text() for name in ("whole", "killed")]
     assert logs[0] == logs[1]
     fingerprints = [
