@@ -5,14 +5,17 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable
+from threading import Event
+from types import FrameType
 from typing import Any
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from foresee.infra.errors import LineError
+from foresee.mapping.conventions import TICK
 
 
 def run(make: Callable[[], Node], args: list[str] | None) -> None:
@@ -30,7 +33,7 @@ def run(make: Callable[[], Node], args: list[str] | None) -> None:
     node: Any = None
     try:
         node = make()
-        rclpy.spin(node)
+        _spin(node)
     except (ValueError, LineError) as error:
         if node is not None:
             raise
@@ -42,3 +45,25 @@ def run(make: Callable[[], Node], args: list[str] | None) -> None:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _spin(node: Node) -> None:
+    """Spin a node until a signal asks the program to end; a second one interrupts it at once."""
+    asked = Event()
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+
+    # The node ends between two callbacks. Within one, an exception might be taken for a failure of
+    # the predictor, and the node would go on; or it would come out of native code as another one.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, ask)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok() and not asked.is_set():
+            executor.spin_once(TICK)
+    finally:
+        executor.shutdown()
