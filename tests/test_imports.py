@@ -32,10 +32,11 @@ BOXES = (
 LATE = {
     "foresee.__main__",
     "benchmarks.studies.driver.analysis",
+    "predictor.registry",
     *(name for name, _ in commands().values()),
 }
 """Modules with imports of our own inside functions: their --help must not wait for what only their
-work needs."""
+work needs. The registry must not import PyTorch for predictors that run no network."""
 
 
 def sources():

@@ -163,10 +163,19 @@ def test_what_no_network_can_be_is_said(wrong, message):
         ImageConfig(**wrong)
 
 
-def test_running_a_network_needs_no_training_code():
-    code = "import sys, predictor.registry; print(*sys.modules)"
+def modules_after(call):
+    """Names of the modules that are imported when a new process has called the registry."""
+    code = f"import sys; from predictor.registry import load_predictor; {call}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    modules = done.stdout.split()
+    return done.stdout.split()
+
+
+def test_a_predictor_without_a_network_needs_no_pytorch():
+    assert "torch" not in modules_after("load_predictor('extend')")
+
+
+def test_running_a_network_needs_no_training_code():
+    modules = modules_after("load_predictor('compact')")
     assert "predictor.compact" in modules
     floors = ("training", "recording", "scoring", "evaluation")
     others = (*(f"predictor.{name}" for name in floors), "sim", "planner", "skimage", "matplotlib")
