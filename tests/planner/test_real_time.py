@@ -170,7 +170,7 @@ def test_what_a_search_is_given_may_change_as_soon_as_it_has_started():
         assert process.submit(len, given).result() == 0
     finally:
         process.shutdown()
-    # No other thread reads it, as one would that pickles it later.
+    # A thread that pickles it later would read it while it changes.
     assert given.threads == [threading.current_thread()]
 
 

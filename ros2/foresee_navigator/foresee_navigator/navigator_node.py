@@ -137,6 +137,7 @@ class NavigatorNode(Node):
         self._around = replace(self._around, fresh_starts=count, last_fresh_start=why)
 
     def _tick_on_clock(self) -> None:
+        """Run a tick of the node's clock."""
         self._tick()
         self._ticked = time.monotonic()
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable
-from threading import Event
 from types import FrameType
 from typing import Any
 
@@ -49,12 +48,13 @@ def run(make: Callable[[], Node], args: list[str] | None) -> None:
 
 def _spin(node: Node) -> None:
     """Spin a node until a signal asks the program to end; a second one interrupts it at once."""
-    asked = Event()
+    is_asked = False
 
     def ask(number: int, frame: FrameType | None) -> None:
-        if asked.is_set():
+        nonlocal is_asked
+        if is_asked:
             raise KeyboardInterrupt
-        asked.set()
+        is_asked = True
 
     # The node ends between two callbacks. Within one, an exception might be taken for a failure of
     # the predictor, and the node would go on; or it would come out of native code as another one.
@@ -63,7 +63,7 @@ def _spin(node: Node) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        while rclpy.ok() and not asked.is_set():
+        while rclpy.ok() and not is_asked:
             executor.spin_once(TICK)
     finally:
         executor.shutdown()
