@@ -19,6 +19,7 @@ START, GOAL = (2.0, 1.5, 0.0), (6.0, 1.5)
 ENDS = ("--start", *START, "--goal", *GOAL)
 
 
+@pytest.mark.drawn
 def test_a_run_of_one_task_is_saved_shown_and_continued(short_map, tmp_path, capsys):
     words = ("--world", short_map, "--arms", "known", "--predictor", "none", "--jobs", 1)
     out = ("--out", tmp_path / "run")

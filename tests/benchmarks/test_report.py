@@ -301,6 +301,7 @@ def test_a_name_with_a_comma_or_a_quote_survives_in_episodes_csv(tmp_path):
         assert next(csv.DictReader(file))["building"] == 'a, "b"\nc'
 
 
+@pytest.mark.drawn
 def test_plot_writes_report_and_race_of_a_saved_run(folder, tmp_path, monkeypatch):
     monkeypatch.setattr("benchmarks.figures.race.MOST", 12)
     assert (
