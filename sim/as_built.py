@@ -21,7 +21,7 @@ from sim.robot_map import Mapping, disturb, survey
 from sim.scanned_furniture import furnish_as_scanned
 from sim.spaces import Door, Space, draw_doors, draw_leaf, largest_group, shared_wall
 from sim.subdivision import Layout
-from sim.turned_canvas import TurnedCanvas, turned
+from sim.turned_canvas import TurnedCanvas, rotated
 from sim.wing import Port, Wing, draw_wing
 
 LARGEST = 88.0
@@ -95,7 +95,7 @@ class Placed:
 
     def place(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points (n, 2) of the wing's coordinates in those of the building [m]."""
-        return self.origin + turned(points, self.yaw)
+        return self.origin + rotated(points, self.yaw)
 
     @property
     def corners(self) -> NDArray[np.float64]:
@@ -105,7 +105,7 @@ class Placed:
 
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points (n, 2) lie in the wing, (n,)."""
-        own = turned(points - self.origin, -self.yaw)
+        own = rotated(points - self.origin, -self.yaw)
         return np.asarray(((own > 0.0) & (own < self.wing.size)).all(axis=1))
 
 
@@ -162,7 +162,7 @@ def _arrange(style: Style, rng: np.random.Generator) -> tuple[list[Placed], list
         heading = parent.yaw + out.heading
         end = parent.place(np.array([out.end]))[0]
         end = end + gap * np.array([math.cos(heading), math.sin(heading)])
-        new = Placed(wing, end - turned(np.array([entry.end]), yaw)[0], yaw)
+        new = Placed(wing, end - rotated(np.array([entry.end]), yaw)[0], yaw)
         corners = np.concatenate([one.corners for one in [*placed, new]])
         if np.ptp(corners, axis=0).max() < LARGEST and not _overlap(new, placed):
             links.append((number, out, len(placed), entry))
@@ -348,7 +348,7 @@ def _stops(
             for axis in (0, 1)
         ]
         points.append(np.stack(np.meshgrid(*grids), axis=-1).reshape(-1, 2))
-    return turned(np.concatenate(points), canvas.yaw) + canvas.origin
+    return rotated(np.concatenate(points), canvas.yaw) + canvas.origin
 
 
 def _join(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sim.canvas import Canvas
 from sim.office import Room, at_wall, furnish, put
-from sim.turned_canvas import turned
+from sim.turned_canvas import rotated
 
 CHAIR = 0.42
 """Distance between the legs of a chair [m]."""
@@ -62,7 +62,7 @@ def _table(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
     chairs = chairs[rng.random(len(chairs)) < 0.8] + rng.uniform(-0.1, 0.1)
     middle = np.array(room.middle) + rng.uniform(-0.5, 0.5, 2)
     legs = np.concatenate([_legs(np.zeros((1, 2)), size), _legs(chairs, np.full(2, CHAIR), rng)])
-    canvas.posts(_off_the_door(middle + turned(legs, rng.choice([0.0, 0.5 * np.pi])), room))
+    canvas.posts(_off_the_door(middle + rotated(legs, rng.choice([0.0, 0.5 * np.pi])), room))
 
 
 def _legs(

@@ -34,7 +34,7 @@ class TurnedCanvas(Canvas):
 
     def posts(self, points: NDArray[np.float64]) -> None:
         """Fill the cells in which points (n, 2) [m] lie."""
-        self.canvas.posts(turned(points, self.yaw) + self.origin)
+        self.canvas.posts(rotated(points, self.yaw) + self.origin)
 
     def is_free(self, x: float, y: float) -> bool:
         """Return whether a point [m] lies in a carved cell."""
@@ -47,7 +47,7 @@ class TurnedCanvas(Canvas):
         return self.origin[0] + cos * x - sin * y, self.origin[1] + sin * x + cos * y
 
 
-def turned(points: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
+def rotated(points: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
     """Return points (n, 2) turned about (0, 0) by an angle [rad]."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]))

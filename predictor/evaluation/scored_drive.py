@@ -17,7 +17,7 @@ from predictor.data.squares import TERNARY, truth_codes
 from predictor.evaluation.settings import EvaluateConfig
 from predictor.networks.compact_net import ROOM_REACH
 from predictor.provenance import has_learned
-from predictor.recording.replay import replayed_with
+from predictor.recording.rescan import rescanned
 from predictor.registry import load_predictor
 from predictor.scoring.images import ssim, ternary
 from predictor.scoring.scores import Scores, cell_rings
@@ -65,9 +65,7 @@ def score_drive(
     side = NavigatorConfig(window=config.window, expansion=config.expansion).predicted_side
     states = _driven(task, config.window, rng)
     moments: list[tuple[float, NDArray[np.uint8]]] = []
-    for known, state in replayed_with(
-        task, states, config.window, LidarConfig(), rng, config.every
-    ):
+    for known, state in rescanned(task, states, config.window, LidarConfig(), rng, config.every):
         square = known.frame.square(state[0], state[1], side)
         crop = known.crop(square)
         ring = cell_rings(crop)

@@ -31,7 +31,7 @@ from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import decode_cells, encode_cells, truth_codes
 from predictor.data.survey import REACH, clipped, frame_around, surveyed
 from predictor.recording.own_buildings import OwnBuildings, log_hash, read_building
-from predictor.recording.replay import replayed_with
+from predictor.recording.rescan import rescanned
 from predictor.recording.sample_set import DRIVES, Item, make_missing, sample_path
 from predictor.recording.settings import DrivesConfig
 from predictor.recording.simulated_log import ROBOT, SimulatedLogConfig, simulated_log
@@ -137,7 +137,7 @@ def _walked(
         noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
         lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
         first = int(rng.integers(config.every))
-        for known, pose in replayed_with(task, poses, window, lidar, rng, config.every, first):
+        for known, pose in rescanned(task, poses, window, lidar, rng, config.every, first):
             side = SIDE * known.frame.resolution
             crop = known.crop(known.frame.square(pose[0], pose[1], side))
             truth = truth_codes(*task.world.truth(crop.frame))

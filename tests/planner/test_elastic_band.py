@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rooms import CAR, RESOLUTION, Room, length, turned
+from rooms import CAR, RESOLUTION, Room, length, wrapped
 
 from foresee.mapping.grid import OCCUPIED
 from planner.guide.elastic_band import LineConfig, curvatures, lines_along, speeds
@@ -85,7 +85,7 @@ def test_a_line_begins_at_the_pose_in_its_heading_and_ends_where_the_way_ends(x,
     assert np.isfinite(line).all()
     assert line[0] == pytest.approx([x, y], abs=1e-9)
     ahead = line[1] - line[0]
-    assert float(turned(math.atan2(ahead[1], ahead[0]) - yaw)) == pytest.approx(0.0, abs=1e-9)
+    assert float(wrapped(math.atan2(ahead[1], ahead[0]) - yaw)) == pytest.approx(0.0, abs=1e-9)
     assert line[-1] == pytest.approx(way[-1], abs=1e-9)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from rooms import CAR, Room, turned
+from rooms import CAR, Room, wrapped
 
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN
 from planner.guide.hybrid_astar import HybridConfig, find_legs
@@ -44,7 +44,7 @@ def arc(pose, gear, kappa, metres):
 
 def driven(leg):
     """Curvature [1/m] and length [m] of each piece of a leg, from what it turns and its chord."""
-    turn = turned(np.diff(leg.poses[:, 2]))
+    turn = wrapped(np.diff(leg.poses[:, 2]))
     chord = np.hypot(*np.diff(leg.poses[:, :2], axis=0).T)
     metres = chord * np.where(abs(turn) > 1e-9, 0.5 * turn / np.sin(0.5 * turn + 1e-300), 1.0)
     return leg.gear * turn / metres, metres
@@ -74,7 +74,7 @@ def check(room, legs, pose, car=BOTH, barred=None):
         for i, there in enumerate(leg.poses[1:]):
             end = arc(leg.poses[i], leg.gear, kappas[i], metres[i])
             assert end[:2] == pytest.approx(there[:2], abs=1e-6)
-            assert float(turned(end[2] - there[2])) == pytest.approx(0.0, abs=1e-6)
+            assert float(wrapped(end[2] - there[2])) == pytest.approx(0.0, abs=1e-6)
         assert not room.meets(swept(leg), occupied if leg.gear > 0 else ~seen_free)
 
 

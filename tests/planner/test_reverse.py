@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rooms import CAR, Room, turned
+from rooms import CAR, Room, wrapped
 from short_drive import LIDAR
 
 from foresee.mapping.body import Scene, first_contact
@@ -252,7 +252,7 @@ def test_mirrored_twice_a_plan_is_the_same_motion(plan):
     assert plan.mirrored().gear == -1
     assert np.array_equal(twice.controls, plan.controls)
     assert twice.states[:, [0, 1, 3]] == pytest.approx(plan.states[:, [0, 1, 3]])
-    assert turned(twice.states[:, 2] - plan.states[:, 2]) == pytest.approx(0.0, abs=1e-9)
+    assert wrapped(twice.states[:, 2] - plan.states[:, 2]) == pytest.approx(0.0, abs=1e-9)
     assert mirrored(mirrored(plan.states[0]))[3] == plan.states[0, 3]
 
 
@@ -267,11 +267,11 @@ def test_a_mirrored_plan_is_the_same_places_backwards(plan):
     for control, expected in zip(mirror.controls, mirror.states[1:], strict=True):
         state = car.step(state, Control(*control, gear=-1), DT)
         assert state[[0, 1, 3]] == pytest.approx(expected[[0, 1, 3]], abs=1e-6)
-        assert float(turned(state[2] - expected[2])) == pytest.approx(0.0, abs=1e-6)
+        assert float(wrapped(state[2] - expected[2])) == pytest.approx(0.0, abs=1e-6)
 
 
 @given(plans())
 def test_the_poses_of_a_mirrored_plan_cover_the_same_places(plan):
     forward, back = plan.poses(DT, 0.02), plan.mirrored().poses(DT, 0.02)
     assert back[:, :2] == pytest.approx(forward[:, :2])
-    assert turned(back[:, 2] - forward[:, 2] - math.pi) == pytest.approx(0.0, abs=1e-9)
+    assert wrapped(back[:, 2] - forward[:, 2] - math.pi) == pytest.approx(0.0, abs=1e-9)

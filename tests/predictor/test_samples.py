@@ -13,7 +13,7 @@ from predictor.data.packed_samples import SamplesError
 from predictor.data.samples import SIDE, Samples, encoded, quarters, write_samples
 from predictor.data.splits import SplitError, check_apart
 from predictor.data.squares import decode_cells
-from predictor.recording.replay import replayed_with
+from predictor.recording.rescan import rescanned
 from sim.buildings import task_in
 from sim.lidar import LidarConfig
 
@@ -187,7 +187,7 @@ def test_the_hash_tells_buildings_apart():
 def test_no_wall_beside_a_start_is_recorded_as_free():
     starts = (task_in("narrow", seed) for seed in itertools.count(1_600_000))
     task = next(task for task in starts if task.start_margin(Body()) < 0.3)
-    (known, _), *_ = replayed_with(
+    (known, _), *_ = rescanned(
         task, np.array([task.start]), 5.0, LidarConfig(), np.random.default_rng(0), 1
     )
     seen = known.whole()

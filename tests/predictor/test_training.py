@@ -20,7 +20,7 @@ from predictor.data.samples import SIDE, Samples, encoded, write_samples
 from predictor.data.squares import truth_codes
 from predictor.networks.compact_net import CompactNet
 from predictor.recording.own_buildings import OwnBuildings
-from predictor.recording.replay import replayed_with
+from predictor.recording.rescan import rescanned
 from predictor.recording.settings import DrivesConfig
 from predictor.recording.training_drives import _claim
 from predictor.train import main
@@ -45,7 +45,7 @@ def some_drive(folder, seed, family="narrow"):
     ways = np.diff(task.waypoints, axis=0, prepend=[task.start[:2]])
     states = np.column_stack([task.waypoints, np.arctan2(ways[:, 1], ways[:, 0])])
     samples = []
-    for known, state in replayed_with(task, states, 5.0, LidarConfig(), rng, 1):
+    for known, state in rescanned(task, states, 5.0, LidarConfig(), rng, 1):
         crop = known.crop(known.frame.square(state[0], state[1], SIDE * 0.05))
         around = known.crop(known.frame.square(state[0], state[1], CONTEXT))
         truth, true_around = truth_codes(*world.truth(crop.frame)), world.grid.crop(around.frame)

@@ -65,6 +65,6 @@ def length(points) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
-def turned(angle):
+def wrapped(angle):
     """The same angle in [-π, π]."""
     return np.remainder(np.asarray(angle) + math.pi, 2 * math.pi) - math.pi

@@ -22,7 +22,7 @@ from planner.risk.distance_transform import distance_field
 from planner.risk.predictor_process import PredictorProcess
 from planner.risk.risk_map import RiskMap
 from predictor.compact import Compact
-from predictor.recording.replay import replayed_with
+from predictor.recording.rescan import rescanned
 from predictor.registry import load_predictor
 from sim import Lidar, LidarConfig
 from sim.buildings import task_in
@@ -141,7 +141,7 @@ def risk(seed: int) -> dict[str, Measure]:
     task = task_in("corridor", seed)
     poses = np.column_stack([places.along(task, RISK_MAPS), np.zeros(RISK_MAPS)])
     rng = np.random.default_rng(0)
-    (*_, (known, _)) = replayed_with(task, poses, config.window, LidarConfig(), rng, 1)
+    (*_, (known, _)) = rescanned(task, poses, config.window, LidarConfig(), rng, 1)
     squares = [known.frame.square(x, y, config.predicted_side) for x, y in poses[:, :2]]
     views = [
         View(known.crop(square), pose[:3]) for square, pose in zip(squares, poses, strict=True)
@@ -170,7 +170,7 @@ def asking(seed: int) -> dict[str, Measure]:
         states = np.column_stack([places.along(task, VIEWS), np.zeros(VIEWS)])
         views = [
             View.of(known, state[:3], 10.0, in_thread.context_side)
-            for known, state in replayed_with(
+            for known, state in rescanned(
                 task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1
             )
         ]

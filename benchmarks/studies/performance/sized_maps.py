@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from predictor.recording.replay import replayed_with
+from predictor.recording.rescan import rescanned
 from sim import LidarConfig
 from sim.task import Task
 from sim.world import World
@@ -31,7 +31,7 @@ def along(task: Task, count: int) -> NDArray[np.float64]:
 def crops_along(task: Task, count: int) -> list[Grid]:
     """Return the observed map of the 10 m square around each pose of a drive along a route."""
     states = np.column_stack([along(task, count), np.zeros(count)])
-    seen = replayed_with(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
+    seen = rescanned(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
     return [known.crop(known.frame.square(s[0], s[1], 10.0)) for known, s in seen]
 
 

@@ -1,4 +1,4 @@
-"""The replay of a drive or walk with another LIDAR."""
+"""A drive or walk, seen again with another LIDAR."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim import Lidar, LidarConfig
 from sim.task import Task
 
 
-def replayed_with(
+def rescanned(
     task: Task,
     states: NDArray[np.float64],
     window: float,
@@ -22,7 +22,7 @@ def replayed_with(
     every: int,
     first: int = 0,
 ) -> Iterator[tuple[OccupancyGrid, NDArray[np.float64]]]:
-    """Replay a drive or walk with another LIDAR, and yield observed maps and states on the way.
+    """See a drive or walk again with another LIDAR, and yield observed maps and states on the way.
 
     The map is the same object each time, and changes; copy what must not change.
 
