@@ -188,7 +188,7 @@ def test_families_that_were_learned_from_are_scored_together_too(tmp_path):
         "--predictors",
         "none",
         "--jobs",
-        2,
+        1,
         "--out",
         tmp_path,
     )
