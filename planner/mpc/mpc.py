@@ -34,7 +34,7 @@ from planner.mpc.clearance import add_closeness_gradient, add_closeness_hessian,
 from planner.mpc.codegen import compiled
 from planner.mpc.initial_guess import LOOK, pursue
 from planner.mpc.merit import Weights, merit
-from planner.mpc.references import NEAR_END, NEAR_END_TIME, references
+from planner.mpc.references import references
 from planner.mpc.stages import NX, REFERENCE, stage_functions
 from planner.risk.risk_map import RiskMap
 
@@ -196,7 +196,6 @@ class MPC:
         offsets, radius = car.body.circles(2)
         self._offset, self.required = float(offsets[-1]), radius + c.margin
         self._driving, self._weights = car.driving, c.weights
-        self._near_end = max(NEAR_END, NEAR_END_TIME * car.v_max)
         self.growth = np.zeros(self.stages + 1)
         # Number of a path's segments that one step may advance.
         self._reach = math.ceil(2.0 * car.v_max * c.dt / POINT_SPACING) + 2
@@ -312,7 +311,7 @@ class MPC:
     def _references(
         self, path: Path, segment: int, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return references(path.points, segment, states, self._reach, self._near_end, self._weights)
+        return references(path.points, segment, states, self._reach, self._weights)
 
     def _clearances(
         self, problem: _Problem, states: NDArray[np.float64]

@@ -10,13 +10,11 @@ from foresee.mapping.kernels import njit
 from planner.motion.path import project
 
 NEAR_END = 3.0
-"""Shortest length of the last part of a path, which the MPC follows more closely [m]."""
-NEAR_END_TIME = 0.75
-"""Time in which the car drives that part at its top speed [s], if it is longer."""
+"""Length of the last part of a path, which the MPC follows more closely [m]."""
 
 
 @njit(cache=True, nogil=True)
-def references(points, start, states, reach, near_end, weights):  # type: ignore[no-untyped-def]
+def references(points, start, states, reach, weights):  # type: ignore[no-untyped-def]
     """Compute the reference of each state on the path, for `planner.mpc.stages.stage_functions`.
 
     Progress is the arc length of the projection; its gradient is the path's tangent. Beyond the
@@ -28,7 +26,6 @@ def references(points, start, states, reach, near_end, weights):  # type: ignore
         start: index of the segment near which the first state is projected.
         states: x, y, yaw, v of the states, (m, 4).
         reach: number of segments that one step may advance.
-        near_end: length of the last part of the path, which is followed more closely [m].
         weights: `Weights` of the cost.
 
     Returns:
@@ -51,7 +48,7 @@ def references(points, start, states, reach, near_end, weights):  # type: ignore
         out[k, 0], out[k, 1] = ax + t * dx, ay + t * dy
         # At the path's end precision counts: a car that misses the goal has to turn round.
         left = (last + 1 - here - t) * spacing
-        end = max(0.0, 1.0 - left / near_end)
+        end = max(0.0, 1.0 - left / NEAR_END)
         weight = contour + (weights.final_contour - contour) * end
         if k == count - 1:
             weight = weights.final_contour

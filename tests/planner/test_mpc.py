@@ -271,20 +271,6 @@ def test_the_horizon_holds_a_full_stop():
         assert mpc.stages * mpc.config.dt > v_max / braking + 0.4
 
 
-@pytest.mark.parametrize(("v_max", "length"), [(2.0, 3.0), (4.0, 3.0), (8.0, 6.0)])
-def test_the_last_part_of_a_path_is_followed_closely_and_is_longer_for_a_faster_car(v_max, length):
-    mpc, path = MPC(CarLimits(v_max=v_max)), ahead(20.0)
-    weights = mpc.config.weights
-    for left, weight in (
-        (length + 0.5, weights.contour),
-        (0.5 * length, 0.5 * (weights.contour + weights.final_contour)),
-    ):
-        at = np.array([20.0 - left, 0.2, 0.0, 1.0])
-        # The weight of the last state is the final one everywhere.
-        rows, _ = mpc._references(path, round((at[0] + 1.0) / 0.1), np.array([at, at]))
-        assert rows[0, 6] == pytest.approx(weight, rel=1e-3)
-
-
 def test_an_empty_straight_is_driven_at_top_speed():
     mpc = MPC(CAR)
     frame = GridFrame(0.1, (-2.0, -2.0), (40, 640))
