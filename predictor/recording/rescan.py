@@ -1,4 +1,4 @@
-"""A drive or walk, seen again with another LIDAR."""
+"""A drive or walk, scanned again with another LIDAR."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def rescanned(
     every: int,
     first: int = 0,
 ) -> Iterator[tuple[OccupancyGrid, NDArray[np.float64]]]:
-    """See a drive or walk again with another LIDAR, and yield observed maps and states on the way.
+    """Scan again along a drive or walk with another LIDAR; yield observed maps and states.
 
     The map is the same object each time, and changes; copy what must not change.
 

@@ -485,7 +485,9 @@ def test_the_map_shows_what_was_observed_and_believed(window, folder, run):
 
 
 @pytest.mark.slow
-def test_a_drive_of_an_older_run_is_rescannedout_last_resort_and_prediction(window, run, tmp_path):
+def test_a_drive_of_an_older_run_is_replayed_without_last_resort_and_prediction(
+    window, run, tmp_path
+):
     later = ("last_resorts", "beliefs", "belief_corners", "gears")
     kept = {k: v for k, v in run.arrays.items() if k.rpartition("/")[2] not in later}
     write_report(replace(run, arrays=kept), tmp_path)
