@@ -54,7 +54,8 @@ class Navigator:
     Args:
         config: settings.
         predictor: predicts the map beyond what has been seen; None: no predictions. It runs in a
-            thread, or in its own process if it is a `PredictorProcess`.
+            thread, or in its own process if it is a `PredictorProcess`; an `Asker` asks it as it
+            is.
         start: x, y, yaw of the car at the start, (3,) or more [m, m, rad].
         goal: x, y of the goal [m].
         known: occupancy grid at the start; the navigator adds the scans to it.
@@ -76,7 +77,7 @@ class Navigator:
     def __init__(
         self,
         config: NavigatorConfig,
-        predictor: Predictor | None,
+        predictor: Predictor | Asker | None,
         start: NDArray[np.float64],
         goal: tuple[float, float],
         known: OccupancyGrid,
@@ -122,10 +123,10 @@ class Navigator:
         self._prediction: Prediction | None = None
         self._is_owed = False
         """Whether the answer to an earlier question was late."""
-        if heard and isinstance(predictor, PredictorProcess):
+        if heard and predictor is not None:
+            if not isinstance(predictor, Asker | PredictorProcess):
+                predictor = Asker(predictor)
             self._asker = predictor
-        elif heard and predictor is not None:
-            self._asker = Asker(predictor)
         known.cover(known.frame.square(*goal, config.window))
         for x, y in () if waypoints is None else waypoints:
             known.cover(known.frame.square(float(x), float(y), WAYPOINT_SIDE))

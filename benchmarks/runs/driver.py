@@ -17,6 +17,7 @@ from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Predictor
 from planner.navigator import Navigator
 from planner.navigator_config import NavigatorConfig
+from planner.risk.ask_predictor import Asker
 from predictor.free import Free
 from predictor.registry import load_predictor
 from sim.task import Task
@@ -65,7 +66,7 @@ def navigator_for(
     settings: Settings,
     arm: Arm,
     task: Task,
-    predictor: Predictor | None,
+    predictor: Predictor | Asker | None,
     deadline: float,
     frontiers: FrontierPredictor | None = None,
     far: Predictor | None = None,
@@ -78,7 +79,7 @@ def navigator_for(
         settings: settings of the run.
         arm: arm that drives.
         task: building, start, goal and route.
-        predictor: predictor of the arm; None: it has none.
+        predictor: predictor of the arm, or what asks it; None: it has none.
         deadline: time that a prediction may take [s].
         frontiers: predictor of frontiers of the arm; None: it has none.
         far: far predictor of the arm; None: it has none.

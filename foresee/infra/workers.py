@@ -11,6 +11,7 @@ import signal
 import socket
 import threading
 import time
+import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -82,6 +83,8 @@ def _in_processes(
 ) -> Iterator[tuple[Item, Result]]:
     from joblib.externals.loky import get_reusable_executor
 
+    # Loky replaces a process that has grown by 300 MB, which loading a network may do.
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     left = dict(enumerate(todo))
     deaths = 0
     try:

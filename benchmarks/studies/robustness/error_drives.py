@@ -14,18 +14,20 @@ from benchmarks.runs.arms import ARMS
 from benchmarks.runs.car import limits_for
 from benchmarks.runs.drive import drive
 from benchmarks.runs.drive_file import NO_TASK
+from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.driver import navigator_for, predictor_for
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task
 from benchmarks.studies.robustness.among_people import CrowdedLidar, first_touch
 from benchmarks.studies.robustness.hostile_drives import driven
+from benchmarks.studies.robustness.late_predictor import LateAsker
 from benchmarks.studies.robustness.scenario import Scenario
 from benchmarks.studies.robustness.worst_errors import MOST, WorstErrors
 from foresee.infra.environment import commit
 from foresee.mapping.conventions import NOISE_CUT
 from foresee.mapping.family_names import FAMILIES
-from sim import DubinsCar, LidarConfig
-from sim.episode import EpisodeConfig, run_episode
+from sim import DubinsCar, Lidar, LidarConfig
+from sim.episode import Episode, EpisodeConfig, run_episode
 from sim.people import APART, People
 from sim.task import NoTaskError
 
@@ -53,6 +55,8 @@ COSTS = (
 largest value in the attack."""
 PLACES = ("corridor", "office")
 """Families in which it is measured."""
+LATE = (0, 1, 2, 5, 10)
+"""Numbers of ticks by which predictions are late."""
 DENSITY, WALK = 0.05, 1.4
 """People per area of floor [1/m²] and their walking speed [m/s]."""
 
@@ -67,6 +71,12 @@ def cases_of(part: str) -> Sequence[dict[str, Any]]:
             return [
                 {"family": family, "arm": arm, "error": error}
                 for family, arm, error in product(PLACES, ("known", "predicted"), COSTS)
+            ]
+        case "late":
+            return [
+                {"family": family, "arm": arm, "ticks": ticks}
+                for family in PLACES
+                for arm, ticks in (("known", 0), *(("predicted", ticks) for ticks in LATE))
             ]
     return [
         {"v_max": v_max, "apart": apart} for v_max, apart in product((2.0, 4.0, 6.0), (APART, 0.0))
@@ -86,7 +96,7 @@ def driven_case(part: str, seed: int, index: int) -> dict[str, Any]:
     case = cases[number]
     entry = {"index": index, "building": building, "commit": commit(), **case}
     works: dict[str, Callable[..., dict[str, Any]]]
-    works = {"beyond": _beyond, "cost": _cost, "people": _among_people}
+    works = {"beyond": _beyond, "cost": _cost, "late": _late, "people": _among_people}
     try:
         return entry | works[part](seed + building, **case)
     except NoTaskError as error:
@@ -112,9 +122,24 @@ def _cost(seed: int, family: str, arm: str, error: dict[str, float]) -> dict[str
     """Drive to the goal with errors that the navigator is told."""
     given: dict[str, Any] = error
     settings = Settings(world=(family,), route="fixed", seed=seed, arms=(arm,), **given)
-    result = drive(settings, 0, arm).result
+    return _measures(drive(settings, 0, arm).result)
+
+
+def _late(seed: int, family: str, arm: str, ticks: int) -> dict[str, Any]:
+    """Drive to the goal with predictions that come some ticks late."""
+    settings = Settings(world=(family,), route="fixed", seed=seed, arms=(arm,))
+    task, limits = make_task(settings, 0), limits_for(settings)
+    predictor = predictor_for(settings, ARMS[arm], task)
+    asker = None if predictor is None else LateAsker(predictor, ticks)
+    driver = navigator_for(settings, ARMS[arm], task, asker, 600.0)
+    rng = np.random.default_rng([seed, 2])
+    return _measures(run_episode(task, driver, DubinsCar(limits), Lidar(), EpisodeConfig(), rng))
+
+
+def _measures(drive: DriveResult | Episode) -> dict[str, Any]:
+    """Return the measures of a drive that the tables need."""
     names = ("outcome", "time", "mean_speed", "min_clearance", "faults")
-    return {name: getattr(result, name) for name in names}
+    return {name: getattr(drive, name) for name in names} | {"outcome": str(drive.outcome)}
 
 
 def _among_people(seed: int, v_max: float, apart: float) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.statistics import wilson
 from benchmarks.studies.robustness.error_drives import COSTS, FACTORS, TOLD, cases_of
 from foresee.infra.markdown import figure, interval, records
-from foresee.mapping.conventions import NOISE_CUT
+from foresee.mapping.conventions import NOISE_CUT, TICK
 from foresee.statistics import grouped_mean
 
 Drives = list[dict[str, Any]]
@@ -41,7 +41,7 @@ def table(part: str, drives: Drives) -> str:
         drives: its drives.
     """
     rows: dict[str, Callable[[Drives], Iterator[dict[str, Any]]]]
-    rows = {"beyond": _beyond, "cost": _cost, "people": _people}
+    rows = {"beyond": _beyond, "cost": _cost, "late": _late, "people": _people}
     return records(list(rows[part]([d for d in drives if d["outcome"] != NO_TASK])))
 
 
@@ -72,28 +72,47 @@ def _cost(drives: Drives) -> Iterator[dict[str, Any]]:
         if drives and not them:
             # Older files hold fewer errors.
             continue
-        exact = {d["building"]: d for d in _of(drives, case | {"error": COSTS[0]})}
-        both = [d for d in them if d["building"] in exact]
-        goal = [
-            d
-            for d in both
-            if d["outcome"] == "reached" and exact[d["building"]]["outcome"] == "reached"
-        ]
-        ratio = grouped_mean(
-            np.array([d["building"] for d in goal], dtype=np.int64),
-            np.array([d["time"] for d in goal], dtype=np.float64),
-            np.array([exact[d["building"]]["time"] for d in goal], dtype=np.float64),
-        )
         ((error, value),) = case["error"].items()
-        yield {
-            "family": case["family"],
-            "arm": f"`{case['arm']}`",
-            "error": _named(error, value) if value else "none",
-            "drives": len(them),
-            "reached": sum(d["outcome"] == "reached" for d in them),
-            "collided": sum(d["outcome"] == "collided" for d in them),
-            "time ratio": interval(ratio, ".2f") if value else "1",
-        }
+        names = {"error": _named(error, value) if value else "none"}
+        yield _timed(drives, case, names, case | {"error": COSTS[0]})
+
+
+def _late(drives: Drives) -> Iterator[dict[str, Any]]:
+    """Yield a row for each case, compared with `known` in the same tasks."""
+    for case in cases_of("late"):
+        late = "" if case["arm"] == "known" else f"{case['ticks'] * TICK:g}"
+        first = {"family": case["family"], "arm": "known"}
+        yield _timed(drives, case, {"predictions late by [s]": late}, first)
+
+
+def _timed(
+    drives: Drives, case: dict[str, Any], names: dict[str, str], first: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the row of a case of drives to a goal, with the time ratio to another case.
+
+    Args:
+        drives: drives of all cases.
+        case: the case.
+        names: cells of the row that tell the case from others of the same family and arm.
+        first: the case that it is compared with, in the buildings in which both reach the goal.
+    """
+    them, goal = _of(drives, case), {"outcome": "reached"}
+    compared = {d["building"]: d for d in _of(drives, first | goal)}
+    both = [d for d in _of(them, goal) if d["building"] in compared]
+    ratio = grouped_mean(
+        np.array([d["building"] for d in both], dtype=np.int64),
+        np.array([d["time"] for d in both], dtype=np.float64),
+        np.array([compared[d["building"]]["time"] for d in both], dtype=np.float64),
+    )
+    return {
+        "family": case["family"],
+        "arm": f"`{case['arm']}`",
+        **names,
+        "drives": len(them),
+        "reached": len(_of(them, goal)),
+        "collided": len(_of(them, {"outcome": "collided"})),
+        "time ratio": "1" if first.items() <= case.items() else interval(ratio, ".2f"),
+    }
 
 
 def _people(drives: Drives) -> Iterator[dict[str, Any]]:

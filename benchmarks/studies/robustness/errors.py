@@ -1,10 +1,11 @@
-"""Measure what errors of a robot cost, where cars collide beyond their bounds, and among people.
+"""Measure what errors of a robot and late predictions cost, and where cars collide nevertheless.
 
     python -m benchmarks.studies.robustness.errors --part cost --out results/errors-cost.json
 
 beyond: one error at a time is up to 5 times what the navigator is told, in the worst ways. cost:
-time ratios of delays and pose errors. people: contacts with people, who do not keep to the
-assumption of a static world. Interrupted, it continues when the same command is given again.
+time ratios of errors that keep to their bounds. late: time ratios where predictions come up to 1 s
+late. people: contacts with people, who do not keep to the assumption of a static world.
+Interrupted, it continues when the same command is given again.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from foresee.infra.command_line import Command
 from foresee.infra.options import Options, jobs_option, option
 from planner.revision import REVISION
 
-PARTS = ("beyond", "cost", "people")
+PARTS = ("beyond", "cost", "late", "people")
 """Parts of the study."""
 SEED = 991_000_000
 """Seed of the first building; no network was trained in a building of such seeds."""

@@ -13,6 +13,7 @@ from benchmarks.studies.robustness.among_people import first_touch
 from benchmarks.studies.robustness.error_drives import cases_of, driven_case
 from benchmarks.studies.robustness.error_tables import table
 from benchmarks.studies.robustness.hostile_drives import attacked, driven, failures, reached
+from benchmarks.studies.robustness.late_predictor import LateAsker
 from benchmarks.studies.robustness.scenario import HONEST_EACH, Scenario
 from benchmarks.studies.robustness.worst_errors import (
     LONGEST_BURST,
@@ -26,6 +27,10 @@ from benchmarks.studies.robustness.worst_errors import (
 )
 from foresee.mapping.body import Body
 from foresee.mapping.control import Control
+from foresee.mapping.conventions import TICK
+from foresee.prediction import View
+from planner.risk.ask_predictor import LateError
+from predictor.free import Free
 from sim import Lidar, LidarConfig
 from sim.families import generate
 
@@ -139,6 +144,35 @@ def test_errors_far_beyond_the_bounds_lead_to_contacts():
 @pytest.mark.parametrize("part", errors.PARTS)
 def test_each_part_of_the_study_makes_a_table_of_its_cases(part):
     assert table(part, []).count("\n") > 6
+
+
+def test_a_car_drives_on_predictions_that_come_late():
+    cases = cases_of("late")
+    index = cases.index({"family": "corridor", "arm": "predicted", "ticks": 2})
+    found = driven_case("late", errors.SEED, index)
+    assert found["outcome"] == "reached"
+    # Each question is asked when the answer before is there, so one is late in every tick.
+    assert found["faults"]["predictor_late"] == round(found["time"] / TICK)
+
+
+def test_an_answer_that_is_late_is_handed_out_once_in_its_tick():
+    asked = []
+
+    class Counting(Free):
+        def predict(self, view):
+            asked.append(view)
+            return super().predict(view)
+
+    view = View.of(generate("office", 3).grid, np.zeros(3), 5.0, 0.0)
+    asker = LateAsker(Counting(), 2)
+    got = []
+    for _ in range(5):
+        # As the navigator does in each tick.
+        got.append(asker.take_late() if asked else None)
+        with pytest.raises(LateError):
+            asker.ask(view, 10.0)
+    assert [answer is not None for answer in got] == [False, False, True, False, True]
+    assert len(asked) == 3
 
 
 def test_the_study_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
