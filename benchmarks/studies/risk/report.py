@@ -58,7 +58,6 @@ def collision_rows(
                 "outcomes": dict(outcomes),
                 "by_family": _by_family(series, driven),
                 "sct": _mean([d["sct"] for d in driven]),
-                "barn": _mean([_barn(d, series.settings.v_max) for d in driven]),
                 "speed": 1e3 * km / sum(d["time"] for d in driven),
                 "impact_speed": _mean([d["impact_speed"] for d in driven]),
                 "commits": sorted({str(d["commit"]) for d in driven}),
@@ -205,19 +204,6 @@ def _with_task(drives: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _collided(drives: Sequence[dict[str, Any]]) -> list[bool]:
     return [drive["outcome"] == "collided" for drive in drives]
-
-
-def _barn(drive: dict[str, Any], v_max: float) -> float | None:
-    """Return the score of the BARN challenge: with the time T of the shortest path at top speed, T
-    over the time of the drive, which counts as 2 T to 8 T; 0 if the goal was not reached.
-
-    None where the shortest path is not known.
-    """
-    if drive["shortest_length"] is None:
-        return None
-    best = drive["shortest_length"] / v_max
-    in_time = min(max(drive["time"], 2 * best), 8 * best)
-    return float(best / in_time) if drive["outcome"] == "reached" else 0.0
 
 
 def _per_km(count: int, km: float, worlds: Sequence[str]) -> tuple[float, float] | None:

@@ -111,7 +111,6 @@ def list_series(
         *_controls(calibration, mixture),
         *_mazes(calibration, mixture),
         *_speeds(calibration, mixture),
-        *_field(calibration, mixture),
     ]
     if len({series.name for series in all_series}) < len(all_series):
         raise UsageError(
@@ -236,12 +235,6 @@ def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
     # An obstacle behind a blind corner, as in Tordesillas et al. 2019, and dead ends.
     corner = replace(mixture, world=("trap",), route="fixed", seed=OTHER_SEED, episodes=20)
     yield from _with_and_without(calibration, corner, "corner", "trap", ("known", "optimistic"))
-
-
-def _field(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
-    """Fields of obstacles as in BARN: a goal beyond them, no route."""
-    same = replace(mixture, world=("obstacle_field",), route="free", seed=OTHER_SEED, episodes=20)
-    yield from _with_and_without(calibration, same, "field", "barn", ("full", "known"))
 
 
 def _with_and_without(

@@ -74,7 +74,6 @@ def _collision_table(rows: Sequence[dict[str, Any]]) -> str:
                 )
                 + f" / {row['no_task']}",
                 "SCT": _number(row["sct"], ".3f"),
-                "BARN, 2 to 8 T*": _number(row["barn"], ".3f"),
                 "speed [m/s]": f"{row['speed']:.2f}",
             }
             for row in rows

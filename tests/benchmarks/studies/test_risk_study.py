@@ -18,7 +18,6 @@ from benchmarks.studies.risk import series as study
 from benchmarks.studies.risk.drives import saved_drives
 from benchmarks.studies.risk.figures import _promise
 from benchmarks.studies.risk.report import (
-    _barn,
     _by_family,
     _times_by_family,
     collision_rows,
@@ -335,15 +334,6 @@ def test_collisions_are_counted_in_each_family():
     assert _by_family(series, drives) == {"corridor": [1, 3], "narrow": [2, 2]}
     on_maps = replace(series, settings=replace(series.settings, world=("maps/a.yaml",)))
     assert _by_family(on_maps, drives) == {}
-
-
-@pytest.mark.parametrize(
-    ("outcome", "time", "score"),
-    [("reached", 10.0, 0.5), ("reached", 30.0, 1 / 3), ("reached", 99.0, 1 / 8), ("stuck", 9.0, 0)],
-)
-def test_the_score_of_barn(outcome, time, score):
-    drive = {"outcome": outcome, "time": time, "shortest_length": 40.0}
-    assert _barn(drive, v_max=4.0) == pytest.approx(score)
 
 
 def test_a_collision_at_no_risk_is_an_exit_status_of_one(few_series, tmp_path, monkeypatch):
