@@ -33,8 +33,6 @@ class Fault(StrEnum):
     """The predictor was too late."""
     PREDICTOR_BAD = "predictor_bad"
     """The predictor returned an invalid result."""
-    FAR_FAILED = "far_failed"
-    """The far predictor failed."""
     FRONTIERS_FAILED = "frontiers_failed"
     """The predictor of frontiers failed."""
     PREDICTOR_NAN = "predictor_nan"

@@ -62,9 +62,6 @@ class Navigator:
         waypoints: points of a prescribed route, (n, 2) [m]; None: the car finds its own route.
         seed: seed of the path search.
         frontiers: predictor of frontiers, which changes a route that is not prescribed, or None.
-        far: predictor of what lies far ahead, which changes such a route, or None. It is asked
-            about the square of 40 m around the car, in cells of 0.25 m: a cell of its map is free
-            if all of it was observed free, and occupied if a part of it was observed occupied.
         executor: runs the path searches beside `step`, one at a time, so that `step` never waits
             for one; a `planner.guide.search_process.SearchProcess`, for example. None: they run at
             the end of `step`, so that drives do not depend on any clock.
@@ -84,7 +81,6 @@ class Navigator:
         waypoints: NDArray[np.float64] | None = None,
         seed: int = 0,
         frontiers: FrontierPredictor | None = None,
-        far: Predictor | None = None,
         executor: Executor | None = None,
     ) -> None:
         if waypoints is not None and not (
@@ -102,7 +98,7 @@ class Navigator:
         if bounds != NO_ERRORS:
             # A turn on the spot would not end where it is told to.
             guided = replace(guided, turn_rate=0.0)
-        self.guide = Guide(goal, waypoints, guided, config.guide, seed, frontiers, far, executor)
+        self.guide = Guide(goal, waypoints, guided, config.guide, seed, frontiers, executor)
         self._sent = SentControls(car, bounds, config.mpc.dt)
         self._last: Decision | None = None
         self._unsent: Control | None = None

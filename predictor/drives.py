@@ -1,4 +1,4 @@
-"""Make training samples for the networks compact and far on simulated walks through buildings.
+"""Make training samples for the network compact on simulated walks through buildings.
 
     foresee drives                        the truth is the whole building
     foresee drives --simulated-logs 1     the truth is the map of a simulated log

@@ -6,7 +6,7 @@ from contextlib import suppress
 from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.errors import LineError, one_line
@@ -19,14 +19,12 @@ from predictor.weights import SUFFIX, WeightsError, read_facts
 # Modules that run networks are imported where one is made: PyTorch takes seconds to import, which
 # the processes of drives without a network save.
 if TYPE_CHECKING:
-    from predictor.far import Far
-    from predictor.learned_frontiers import LearnedFrontiers
+    pass
 
 GROUP = "foresee.predictors"
 """Entry point group in which a package offers predictors."""
 FUSED = "fused:"
 """Prefix of FOLDER/ARCH: the networks of an architecture in a study's folder, fused into one."""
-Learned = TypeVar("Learned", "LearnedFrontiers", "Far")
 
 
 class PredictorError(LineError):
@@ -112,40 +110,15 @@ def load_frontiers(spec: str) -> FrontierPredictor:
     """
     from predictor.learned_frontiers import LearnedFrontiers
 
-    return _learned(LearnedFrontiers, spec, "predictor of frontiers")
-
-
-def load_far(spec: str) -> Predictor:
-    """Make a far predictor from its name on a command line.
-
-    Args:
-        spec: "learned", or the path of a .safetensors file that `predictor.train --arch far` has
-            written.
-
-    Raises:
-        PredictorError: if there is no such predictor, or it cannot be made.
-    """
-    from predictor.far import Far
-
-    return _learned(Far, spec, "far predictor")
-
-
-def _learned(kind: type[Learned], spec: str, what: str) -> Learned:
-    """Return a predictor with its shipped weights, or those of a file.
-
-    Args:
-        kind: class of the predictor.
-        spec: "learned", or the path of a file of weights.
-        what: what the predictor is, for error messages.
-    """
     if spec != "learned" and not spec.endswith(SUFFIX):
         raise PredictorError(
-            f"no {what} is named {spec!r}: give learned, or a file of weights, FILE{SUFFIX}"
+            f"no predictor of frontiers is named {spec!r}: give learned, or a file of weights, "
+            f"FILE{SUFFIX}"
         )
     try:
-        return kind() if spec == "learned" else kind(Path(spec))
+        return LearnedFrontiers() if spec == "learned" else LearnedFrontiers(Path(spec))
     except WeightsError as error:
-        raise PredictorError(f"{what} {spec!r}: {error}") from error
+        raise PredictorError(f"predictor of frontiers {spec!r}: {error}") from error
 
 
 def _named(name: str) -> Any:

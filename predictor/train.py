@@ -1,15 +1,14 @@
-"""Train a network: `compact`, `far`, or one of the paper's.
+"""Train a network: `compact`, or one of the paper's.
 
     foresee train                      compact, and its samples: two hours on 2 cores
-    foresee train --arch far           what lies far ahead, for routes; the same samples
     foresee train --arch kinds --start compact     its layer for kinds of building alone; minutes
     foresee train --steps 200 --train 20 --validation 4      a quick trial
     foresee train --start compact --world my_maps/      fine-tuning on your own buildings
     foresee train --arch unet_ff --expansion 1.3 --preset short
 
-Interrupted, it continues when the same command is given again. compact and far are trained on
-samples of simulated walks, which are made first. The maps and logs of --world are split into
-training and validation.
+Interrupted, it continues when the same command is given again. compact is trained on samples of
+simulated walks, which are made first. The maps and logs of --world are split into training and
+validation.
 """
 
 from __future__ import annotations
@@ -32,11 +31,10 @@ from predictor.training.settings import (
     TUNING,
     TUNING_DRIVES,
     CompactTraining,
-    SamplesTraining,
 )
 from predictor.weights import SUFFIX
 
-DRIVES, SCRATCH, FAR = DrivesConfig(), CompactTraining(), SamplesTraining(batch=64)
+DRIVES, SCRATCH = DrivesConfig(), CompactTraining()
 PAPER, SHORT = PRESETS["paper"].training, PRESETS["short"].training
 TRAINED = Path("results/train")
 """Default folder of the results of a training from random weights."""
@@ -44,13 +42,11 @@ TUNED = Path("data/fine-tuning"), Path("results/fine-tuning")
 """Default folders of the samples and of the results of a fine-tuning (--start)."""
 KINDS = Path("results/kinds")
 """Default folder of the result of --arch kinds."""
-ON_SAMPLES = ("compact", "far", "kinds")
-"""What is trained on samples of walks and logs: two networks, and a layer of compact."""
-FAR_TUNING = replace(
-    FAR, steps=TUNING.steps, rate=TUNING.rate, warmup=TUNING.warmup, average=TUNING.average
-)
-"""Settings of a fine-tuning of far."""
-COMPACT = "compact, kinds and far alone"
+ON_SAMPLES = ("compact", "kinds")
+"""What is trained on samples of walks and logs: the network, or its layer of kinds."""
+WEIGHTS = "compact.safetensors"
+"""Name of the file of its weights."""
+COMPACT = "compact and kinds alone"
 RECORDED = Section(COMPACT, ("simulated_logs", "families", "world", "share"))
 """Fields of `DrivesConfig` that are also options of this command."""
 
@@ -64,7 +60,7 @@ class TrainSettings(Options):
     )
     data: Path | None = option(
         None,
-        "folder of the training data. For compact, kinds and far: samples, which are made first if "
+        "folder of the training data. For compact and kinds: samples, which are made first if "
         f"they are missing (default: {DRIVES.out}; with --start: {TUNED[0]}). For the paper's "
         f"networks: frames of predictor.dataset or drives (default: {SIMULATED})",
         "DIR",
@@ -77,8 +73,8 @@ class TrainSettings(Options):
     )
     batch: int | None = option(
         None,
-        f"samples per optimiser step (default: {SCRATCH.batch}; far: {FAR.batch}; "
-        f"paper: {PAPER.batch}; short: {SHORT.batch})",
+        f"samples per optimiser step (default: {SCRATCH.batch}; paper: {PAPER.batch}; "
+        f"short: {SHORT.batch})",
         "N",
         low=1,
     )
@@ -102,7 +98,7 @@ class TrainSettings(Options):
 
 @dataclass(frozen=True)
 class CompactOptions(Options):
-    """Options that are valid for compact, its layer of kinds and far alone."""
+    """Options that are valid for compact and its layer of kinds alone."""
 
     train: int | None = option(
         None,
@@ -181,7 +177,7 @@ def _train_network(settings: TrainSettings, network: NetworkOptions) -> Path:
 def _train_on_samples(
     settings: TrainSettings, compact: CompactOptions, drives: DrivesConfig
 ) -> Path:
-    """Train compact, its layer of kinds or far, on samples that are made if they are missing.
+    """Train compact or its layer of kinds, on samples that are made if they are missing.
 
     Returns:
         Path of the weights.
@@ -197,15 +193,13 @@ def _train_on_samples(
     from predictor.data.samples import Samples
     from predictor.data.splits import check_apart
     from predictor.networks.compact_net import CompactNet
-    from predictor.networks.far_net import FarNet
     from predictor.recording.training_drives import make
     from predictor.training.compact_comparison import table
     from predictor.training.compact_training import CompactTrainer
-    from predictor.training.far_training import FarTrainer
     from predictor.training.kinds_training import train_layer
     from predictor.weights import WeightsError, load_weights, weights_path
 
-    is_layer, is_compact = settings.arch == "kinds", settings.arch != "far"
+    is_layer = settings.arch == "kinds"
     if is_layer and compact.start is None:
         raise TrainError("--arch kinds adds a layer to a trained compact: give it as --start")
     schedule = given(
@@ -213,24 +207,21 @@ def _train_on_samples(
     )
     if is_layer and schedule:
         raise TrainError(f"--{next(iter(schedule))} does not apply to --arch kinds")
-    kind = CompactNet if is_compact else FarNet
-    weights = "compact.safetensors" if is_compact else "far.safetensors"
     source, start, learned = None, None, frozenset[str]()
-    training: SamplesTraining = SCRATCH if is_compact else FAR
+    training = SCRATCH
     out = settings.out or TRAINED
     if compact.start is not None:
         try:
             source = weights_path(compact.start)
-            start = load_weights(source, kind)
+            start = load_weights(source, CompactNet)
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
         learned = frozenset(start[1].get("worlds", ()))
-        tuning = TUNING if is_compact else FAR_TUNING
-        training = replace(tuning, start=start[1]["fingerprint"])
+        training = replace(TUNING, start=start[1]["fingerprint"])
         out = settings.out or (KINDS if is_layer else TUNED[1])
         count, held_out = TUNING_DRIVES
         drives = replace(drives, out=TUNED[0], train=count, validation=held_out)
-        if (out / weights).resolve() == source.resolve():
+        if (out / WEIGHTS).resolve() == source.resolve():
             raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
     numbers = given(out=settings.data, train=compact.train, validation=compact.validation)
     drives = replace(drives, **numbers)
@@ -242,11 +233,8 @@ def _train_on_samples(
     validation = Samples.load(drives.out / "validation", drives.validation)
     check_apart({"train": train.worlds, "validation": validation.worlds})
     if start is not None and is_layer:
-        return train_layer(*start, train, validation, out / weights)
+        return train_layer(*start, train, validation, out / WEIGHTS)
     training = replace(training, **schedule)
-    if not is_compact:
-        return FarTrainer(training, train, validation, out, start).run()
-    assert isinstance(training, CompactTraining)
     path = CompactTrainer(training, train, validation, out, start).run()
     if source is not None:
         print(table(source, path, validation))

@@ -24,8 +24,6 @@ from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 ARM_COLOURS = {
     "known": "#0072B2",
     "known+route": "#56B4E9",
-    "known+far": "#117733",
-    "known+route+far": "#44AA99",
     "known+truth10": "#DDCC77",
     "known+truth20": "#AA7744",
     "known+truth40": "#774411",

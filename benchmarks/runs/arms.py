@@ -17,7 +17,6 @@ class Arm:
         whole_map: whether the whole map is known from the start.
         frontiers: whether a prediction of where each frontier leads influences the route, which
             must be free (--route free).
-        far: whether a far prediction influences the route, which must be free.
         level: level λ of the last resort, which is not adapted; None: the value of --level, or the
             one certified for --risk, which is adapted.
         side: side of the square of the true map that "oracle" gives [m]; 0: the predicted square.
@@ -28,7 +27,6 @@ class Arm:
     steer: bool
     whole_map: bool
     frontiers: bool = False
-    far: bool = False
     level: float | None = 0.0
     side: float = 0.0
 
@@ -45,7 +43,7 @@ class Arm:
     @property
     def has_predictor(self) -> bool:
         """Whether the drives depend on a predictor, whose code may change between two runs."""
-        return self.predictor == "chosen" or self.frontiers or self.far
+        return self.predictor == "chosen" or self.frontiers
 
     def drives_alike(self, differing: set[str]) -> bool:
         """Return whether this arm makes the same drives in two runs with different settings.
@@ -59,7 +57,6 @@ class Arm:
             "predictor",
             "weights",
             "frontiers",
-            "far",
             "risk",
             "level",
             "uncertified",
@@ -90,9 +87,6 @@ ARMS = {
     "known+route+frontiers": Arm(
         predictor="chosen", reliance=0.0, steer=True, whole_map=False, frontiers=True
     ),
-    # As known; and a prediction of what lies far ahead influences the free route.
-    "known+far": Arm(predictor="none", reliance=0.0, steer=False, whole_map=False, far=True),
-    "known+route+far": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False, far=True),
     # As known; and the true map of a square influences the route: the most that a predictor of that
     # square can be worth to it.
     **{

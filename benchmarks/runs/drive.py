@@ -36,7 +36,7 @@ from planner.guide.search_process import SearchProcess
 from planner.revision import revision_of
 from planner.risk.predictor_process import PredictorProcess
 from predictor.provenance import has_learned, weights_fingerprint
-from predictor.registry import fingerprint_of, load_far, load_frontiers, load_predictor
+from predictor.registry import fingerprint_of, load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import Episode, EpisodeConfig, Outcome, run_episode
 from sim.errors import Errors, Robot
@@ -84,8 +84,7 @@ def score(
 def run_fingerprint(settings: Settings) -> str | None:
     """Return the fingerprints of a run's predictors, see `fingerprint_of`; None if there are none.
 
-    That of the chosen predictor always counts, those of the frontiers and of the far
-    predictor only if an arm uses them.
+    That of the chosen predictor always counts, that of the frontiers only if an arm uses them.
 
     Raises:
         PredictorError: if a predictor cannot be loaded.
@@ -93,8 +92,6 @@ def run_fingerprint(settings: Settings) -> str | None:
     fingerprints = [fingerprint_of(settings.predictor)]
     if any(ARMS[arm_kind(arm)].frontiers for arm in settings.arms):
         fingerprints.append(weights_fingerprint(load_frontiers(settings.frontiers)))
-    if any(ARMS[arm_kind(arm)].far for arm in settings.arms):
-        fingerprints.append(weights_fingerprint(load_far(settings.far)))
     return " and ".join(filter(None, fingerprints)) or None
 
 
@@ -175,7 +172,6 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     car = limits_for(settings)
     predictor = predictor_for(settings, arm, task)
     frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
-    far = load_far(settings.far) if arm.far else None
     at_risk = arm.takes_risk and settings.risk > 0
     asked, executor = predictor, None
     # By default a long one, so that the result does not depend on the load of the machine.
@@ -184,9 +180,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         executor = _search_process()
         if arm.predictor == "chosen":
             asked = _predictor_process(settings.predictor)
-    navigator = navigator_for(
-        settings, arm, task, asked, deadline, frontiers, far, executor=executor
-    )
+    navigator = navigator_for(settings, arm, task, asked, deadline, frontiers, executor=executor)
     on_clock = OnWallClock(navigator, TICK) if settings.real_time else None
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     # Seeded by the task, so that an episode does not depend on its number in a run.
@@ -211,9 +205,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         task,
         episode,
         trace,
-        learned=any(
-            has_learned(part, task.world.grid.cells) for part in (predictor, frontiers, far)
-        ),
+        learned=any(has_learned(part, task.world.grid.cells) for part in (predictor, frontiers)),
         level=settings.level if arm.takes_risk else None,
         calibrated=settings.calibrated if at_risk else None,
         uncertified=settings.uncertified and at_risk,

@@ -69,7 +69,6 @@ def navigator_for(
     predictor: Predictor | Asker | None,
     deadline: float,
     frontiers: FrontierPredictor | None = None,
-    far: Predictor | None = None,
     car: CarLimits | None = None,
     executor: Executor | None = None,
 ) -> Navigator:
@@ -82,7 +81,6 @@ def navigator_for(
         predictor: predictor of the arm, or what asks it; None: it has none.
         deadline: time that a prediction may take [s].
         frontiers: predictor of frontiers of the arm; None: it has none.
-        far: far predictor of the arm; None: it has none.
         car: limits of the car; None: those of the settings.
         executor: runs the path searches beside the control; None: they run in its order.
     """
@@ -104,6 +102,5 @@ def navigator_for(
         waypoints,
         task.seed,
         frontiers,
-        far,
         executor,
     )

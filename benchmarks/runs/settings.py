@@ -33,7 +33,7 @@ TURN_RATE = 1.5
 HEADINGS = {
     "tasks of your own": ("tasks", "start", "goal"),
     "the car": ("car", "vehicle", "v_max", "braking"),
-    "what it sees and predicts": ("window", "expansion", "noise", "dropout", "frontiers", "far"),
+    "what it sees and predicts": ("window", "expansion", "noise", "dropout", "frontiers"),
     "how far it relies on predictions": ("reliance", "uncertified", "level", "fixed_level"),
     "errors of the robot, and what the navigator is told of them": (
         *("delay", "jitter", "lag", "pose_error", "yaw_error", "missed"),
@@ -112,12 +112,6 @@ class Settings(Options):
         "learned",
         "predictor of frontiers of the arms that end with +frontiers: learned, the one of this "
         "package; or weights that predictor.train_frontiers has written, FILE.safetensors",
-        "P",
-    )
-    far: str = option(
-        "learned",
-        "far predictor of the arms that end with +far: learned, the one of this package; or "
-        "weights that predictor.train --arch far has written, FILE.safetensors",
         "P",
     )
     risk: float = option(
@@ -295,10 +289,8 @@ class Settings(Options):
             if arm_kind(arm) not in ARMS:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARMS)}")
         kinds = [ARMS[arm_kind(arm)] for arm in self.arms]
-        if self.route == "fixed" and any(kind.frontiers or kind.far for kind in kinds):
-            raise UsageError(
-                "arms that end with +frontiers or +far choose a route: they need --route free"
-            )
+        if self.route == "fixed" and any(kind.frontiers for kind in kinds):
+            raise UsageError("arms that end with +frontiers choose a route: they need --route free")
         if self.reliance == 1.0 and max(self.level, self.risk) > 0.0:
             raise UsageError("--level and --risk need a --reliance below 1")
         if len(set(self.arms)) < len(self.arms) or not self.arms:
@@ -385,7 +377,7 @@ class Settings(Options):
 
 
 NO_CONDITIONS = (
-    *("world", "episodes", "seed", "arms", "predictor", "frontiers", "far", "risk", "level"),
+    *("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level"),
     *("uncertified", "calibrated", "car"),
 )
 """Settings that a calibration need not share with the drives that use it; the predictor and the

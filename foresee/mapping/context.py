@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.mapping.grid import FREE, OCCUPIED, Grid
 from foresee.mapping.kernels import njit
 
 SIDE = 40.0
@@ -17,49 +17,27 @@ CELL = 0.5
 """Side of a cell of the context [m]."""
 CELLS = round(SIDE / CELL)
 """Side of the context [cells]."""
-FINER = 2 * CELLS
-"""Side of the square of the context in cells of far predictions [cells]."""
-FAR_CELL = SIDE / FINER
-"""Side of a cell of far predictions [m]."""
 
 
-def coarse_context(around: Grid, count: int = CELLS) -> NDArray[np.uint8]:
+def coarse_context(around: Grid) -> NDArray[np.uint8]:
     """Return the percentage of each coarse cell that was observed free, and observed occupied.
 
     Args:
         around: map of all that was observed in a square of `SIDE` around the robot.
-        count: side of the context [cells].
 
     Returns:
-        Percentages (2, count, count).
+        Percentages (2, CELLS, CELLS).
 
     Raises:
         ValueError: if the map is not of this size.
     """
     rows, cols = around.frame.shape
-    fine = SIDE / count / around.frame.resolution
-    if min(rows, cols) < count or abs(rows - count * fine) > 2 or abs(cols - count * fine) > 2:
+    fine = CELL / around.frame.resolution
+    if min(rows, cols) < CELLS or max(abs(rows - CELLS * fine), abs(cols - CELLS * fine)) > 2:
         raise ValueError(f"the map is of {around.frame.size} m, it must be of {SIDE} x {SIDE} m")
-    starts = np.rint(np.arange(count + 1) * fine).astype(np.int64)
+    starts = np.rint(np.arange(CELLS + 1) * fine).astype(np.int64)
     starts[-1] = min(rows, cols)
     return _percentages(around.cells, starts)
-
-
-def coarse_map(around: Grid) -> Grid:
-    """Return a map in cells of `FAR_CELL`, which far predictions are made from.
-
-    A coarse cell is FREE if it was observed free as a whole, and OCCUPIED if a part of it was
-    observed occupied.
-
-    Args:
-        around: map of all that was observed in a square of `SIDE` around the robot.
-
-    Raises:
-        ValueError: if the map is not of this size.
-    """
-    free, occupied = coarse_context(around, FINER)
-    cells = np.where(occupied > 0, OCCUPIED, np.where(free == 100, FREE, UNKNOWN)).astype(np.int8)
-    return Grid(GridFrame(FAR_CELL, around.frame.origin, (FINER, FINER)), cells)
 
 
 @njit(cache=True, nogil=True)

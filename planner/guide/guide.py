@@ -14,7 +14,7 @@ from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import REST
 from foresee.mapping.grid import OccupancyGrid
-from foresee.prediction import Prediction, Predictor
+from foresee.prediction import Prediction
 from planner.fault import Fault
 from planner.guide.elastic_band import BODY_MARGIN
 from planner.guide.guide_config import GuideConfig
@@ -49,7 +49,6 @@ class Guide:
         seed: seed of OMPL's samples.
         frontiers: predictor of frontiers, by which a route that is not prescribed is chosen, or
             None.
-        far: predictor of what lies far ahead, by which such a route is chosen, or None.
         executor: runs the searches; None: they run in the order of the calls.
 
     Attributes:
@@ -73,11 +72,10 @@ class Guide:
         config: GuideConfig,
         seed: int,
         frontiers: FrontierPredictor | None = None,
-        far: Predictor | None = None,
         executor: Executor | None = None,
     ) -> None:
         route = None if waypoints is None else Path.through(waypoints, "given").points
-        self.search = PathSearch(goal, route, car, config, seed, frontiers, far)
+        self.search = PathSearch(goal, route, car, config, seed, frontiers)
         self.car, self.config = car, config
         self._executor = executor or InOrder()
         self._running: Future[Found] | None = None
@@ -114,7 +112,6 @@ class Guide:
             config=self.config,
             seed=search.seed,
             frontiers=search.frontiers,
-            far=search.far,
             executor=self._executor,
         )
         other.gear, other.counts = self.gear, self.counts

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.context import SIDE, coarse_map
 from foresee.mapping.conventions import REST
 from foresee.mapping.grid import OccupancyGrid
-from foresee.prediction import BadPredictionError, Caller, Prediction, Predictor, View
+from foresee.prediction import Prediction
 from planner.fault import Fault
 from planner.guide.guide_config import GuideConfig
 from planner.guide.hybrid_astar import Leg, find_legs
@@ -26,7 +25,7 @@ from planner.guide.subgoals import with_frontiers
 from planner.guide.turn import angle_to, can_turn
 from planner.motion.goal import PATH_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
-from planner.risk.cost_map import Belief, CostMap, remember, remember_far
+from planner.risk.cost_map import Belief, CostMap, remember
 from planner.risk.risk_map import RiskMap
 
 PRESCRIBED_TETHER = 8.0
@@ -45,12 +44,10 @@ class SearchMemory:
 
     Attributes:
         belief: what was predicted so far; None: nothing.
-        far: what was predicted far ahead so far; None: nothing.
         segment: index of the segment of the prescribed route that the car has reached.
     """
 
     belief: Belief | None = None
-    far: Belief | None = None
     segment: int = 0
 
 
@@ -138,7 +135,6 @@ class PathSearch:
         seed: seed of OMPL's samples.
         frontiers: predictor of frontiers, by which a route that is not prescribed is chosen, or
             None.
-        far: predictor of what lies far ahead, by which such a route is chosen, or None.
     """
 
     goal: tuple[float, float]
@@ -147,14 +143,13 @@ class PathSearch:
     config: GuideConfig
     seed: int
     frontiers: FrontierPredictor | None = None
-    far: Predictor | None = None
 
     def find(self, request: Request) -> Found:
         """Return what a search finds; if it fails in any way, that is one of its faults."""
         started = time.perf_counter()
         memory, faults = request.memory, list[Fault]()
         try:
-            memory = self._remembered(request, faults)
+            memory = self._remembered(request)
             costs = self._costs(request, memory, faults)
             found = Found(request, memory, turn_to=self._turn(request, costs))
             if found.turn_to is None and request.recovers:
@@ -167,21 +162,12 @@ class PathSearch:
             faults.append(Fault.PATH_FAILED)
         return replace(found, faults=tuple(faults), ms=1e3 * (time.perf_counter() - started))
 
-    def _remembered(self, request: Request, faults: list[Fault]) -> SearchMemory:
-        """Return the memory with the newest predictions and the place on the prescribed route.
-
-        Faults that are handled are added to the list.
-        """
+    def _remembered(self, request: Request) -> SearchMemory:
+        """Return the memory with the newest prediction and the place on the prescribed route."""
         memory, frame = request.memory, request.known.frame
         if request.steering is not None:
             memory = replace(memory, belief=remember(memory.belief, frame, request.steering))
         if self.route is None:
-            if self.far is not None:
-                try:
-                    prediction = Caller(self.far).ask(far_view(request.known, request.begin))
-                    memory = replace(memory, far=remember_far(memory.far, frame, prediction))
-                except BadPredictionError:
-                    faults.append(Fault.FAR_FAILED)
             return memory
         last, reach = memory.segment, round(self.config.join / POINT_SPACING) + 10
         x, y = request.begin[:2].tolist()
@@ -196,10 +182,8 @@ class PathSearch:
         """
         known, begin = request.known, request.begin
         prescribed = None if self.route is None else self.route[memory.segment :]
-        half_width, belief = self.car.body.half_width, memory.belief
-        if memory.far is not None:
-            belief = memory.far if belief is None else belief.over(memory.far)
-        cost = CostMap.build(known, belief, half_width, prescribed, request.stuck)
+        half_width = self.car.body.half_width
+        cost = CostMap.build(known, memory.belief, half_width, prescribed, request.stuck)
         if self.frontiers is not None and prescribed is None:
             position = (float(begin[0]), float(begin[1]))
             try:
@@ -345,9 +329,3 @@ def front(pose: NDArray[np.float64], car: CarLimits) -> NDArray[np.float64]:
     """Return the middle of the body's front at a pose x, y, yaw (3,) or more, (2,) [m]."""
     ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
     return np.asarray(pose[:2] + car.body.half_length * ahead)
-
-
-def far_view(known: OccupancyGrid, pose: NDArray[np.float64]) -> View:
-    """Return what a far predictor is shown: the square of `SIDE` around a pose, in coarse cells."""
-    around = known.crop(known.frame.square(float(pose[0]), float(pose[1]), SIDE))
-    return View(coarse_map(around), pose[:3])

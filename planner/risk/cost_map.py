@@ -25,9 +25,6 @@ a place where it got stuck, and beside a prescribed route."""
 WAY_BACK, LANES = 30.0, 6
 """Expected cost of a predicted obstacle, see `blocked_cost`: the way to it and back again [m], and
 how many lanes lie side by side in an opening."""
-FAR_LANES = 24
-"""The same number for far predictions, which are blurred: where a way leads on is seldom known, and
-there are more ways round."""
 WALL_PRIOR, WALL_REACH = 15.0, 2.5
 """Additional cost of a metre of unobserved space right beside an occupied cell, and distance from
 the cell at which it has fallen to 0 [m]. Walls usually continue, so that a route should turn off
@@ -207,40 +204,6 @@ class Belief:
             return self.free, self.blocked
         nan = np.float32(np.nan)
         return paste(self.frame, self.free, frame, nan), paste(self.frame, self.blocked, frame, nan)
-
-    def over(self, far: Belief) -> Belief:
-        """Return this belief, and a far one where it holds none; on the frame of the far one."""
-        near = np.isfinite(self.on(far.frame)[0])
-        free, blocked = (
-            np.where(near, *pair)
-            for pair in zip(self.on(far.frame), (far.free, far.blocked), strict=True)
-        )
-        return Belief(far.frame, free, blocked)
-
-
-def remember_far(belief: Belief | None, frame: GridFrame, prediction: Prediction) -> Belief:
-    """Return the belief with a new far prediction added, whose cells are larger than its own.
-
-    Args:
-        belief: what was predicted far ahead so far, or None. `blocked` is such that `blocked_cost`
-            gives the cost for `FAR_LANES`.
-        frame: frame of the observed map.
-        prediction: new prediction; a cell counts as free if all of it is.
-    """
-    grown = _on_map(belief, frame)
-    cell, (count_rows, count_cols) = prediction.frame.resolution, prediction.frame.shape
-    x, y = grown.frame.centres()
-    cols, rows = (
-        np.floor((centres - origin) / cell).astype(np.int64)
-        for centres, origin in zip((x, y), prediction.frame.origin, strict=True)
-    )
-    inside_rows, inside_cols = (rows >= 0) & (rows < count_rows), (cols >= 0) & (cols < count_cols)
-    here = np.ix_(inside_rows, inside_cols)
-    there = np.ix_(rows[inside_rows], cols[inside_cols])
-    grown.free[here] = (prediction.confidence * prediction.p_free)[there]
-    not_free = np.minimum(1.0 - prediction.p_free, prediction.confidence)
-    grown.blocked[here] = (not_free ** (FAR_LANES / LANES))[there]
-    return grown
 
 
 def coarsening(frame: GridFrame) -> int:

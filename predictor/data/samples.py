@@ -7,11 +7,9 @@ A folder holds one file for each drive, see `predictor.data.packed_samples`:
     about     format, side, family, seed, and the hashes of the building, as driven through (world)
               and as generated (original)
 
-A sample is (side, side) uint8 of seen + 3 · truth, see `predictor.data.squares`, followed by coarse
-maps of the square of the context, (3, FINER, FINER) uint8, see `foresee.mapping.context`: the
-percentage of each cell that was observed free, that was observed occupied, and that is truly
-free. The robot is in the middle of both, facing +x to within 45°: maps are rotated by quarter
-turns, which need no resampling.
+A sample is (side, side) uint8 of seen + 3 · truth, see `predictor.data.squares`, followed by its
+context, (2, CELLS, CELLS) uint8, see `foresee.mapping.context`. The robot is in the middle of both,
+facing +x to within 45°: maps are rotated by quarter turns, which need no resampling.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.context import FINER, coarse_context
+from foresee.mapping.context import CELLS, coarse_context
 from foresee.mapping.conventions import CROP_CELLS
 from foresee.mapping.grid import Grid
 from predictor.data.packed_samples import PackedSamples, SamplesError
@@ -34,7 +32,7 @@ if TYPE_CHECKING:
 
 Bytes = TypeVar("Bytes", NDArray[np.uint8], "Tensor")
 
-FORMAT = 4
+FORMAT = 5
 RECIPE = "recipe.json"
 """Name of the file, beside the folders of the splits, with the settings that samples were made
 with."""
@@ -47,23 +45,19 @@ def quarters(yaw: float) -> int:
     return round(yaw / (0.5 * np.pi)) % 4
 
 
-def encoded(
-    known: Grid, truth: NDArray[np.uint8], around: Grid, true_around: Grid, yaw: float
-) -> bytes:
+def encoded(known: Grid, truth: NDArray[np.uint8], around: Grid, yaw: float) -> bytes:
     """Return one sample, compressed.
 
     Args:
         known: map of all that was observed, (SIDE, SIDE).
         truth: codes of the true map there, (SIDE, SIDE).
         around: map of all that was observed in the square of the context.
-        true_around: true map of that square.
         yaw: heading of the robot [rad].
     """
     turns = quarters(yaw)
     codes = np.rot90(joined(encode_cells(known.cells), truth), turns)
-    seen, true = (coarse_context(grid, FINER) for grid in (around, true_around))
-    coarse = np.rot90(np.concatenate([seen, true[:1]]), turns, axes=(1, 2))
-    return zlib.compress(codes.tobytes() + coarse.tobytes(), 2)
+    context = np.rot90(coarse_context(around), turns, axes=(1, 2))
+    return zlib.compress(codes.tobytes() + context.tobytes(), 2)
 
 
 def write_samples(
@@ -86,7 +80,7 @@ class Samples(PackedSamples):
     NAME, NEEDED, COMMAND = "codes", ("world", "original"), "predictor.drives"
     ARRAYS: ClassVar = {}
     HEAD: ClassVar = {"format": FORMAT, "side": SIDE}
-    SIZE = SIDE**2 + 3 * FINER**2
+    SIZE = SIDE**2 + 2 * CELLS**2
 
     def __getitem__(self, index: int) -> NDArray[np.uint8]:
         """Return the codes of a sample, (SIDE, SIDE).
@@ -101,18 +95,18 @@ class Samples(PackedSamples):
 
     @staticmethod
     def parts(data: Bytes) -> tuple[Bytes, Bytes]:
-        """Return the codes and the coarse maps of samples.
+        """Return the codes and the contexts of samples.
 
         Args:
             data: bytes of the samples, (…, SIZE).
 
         Returns:
-            Codes (…, SIDE, SIDE), and coarse maps (…, 3, FINER, FINER).
+            Codes (…, SIDE, SIDE), and contexts (…, 2, CELLS, CELLS).
         """
         codes, coarse = data[..., : SIDE**2], data[..., SIDE**2 :]
         return (
             codes.reshape(*codes.shape[:-1], SIDE, SIDE),
-            coarse.reshape(*coarse.shape[:-1], 3, FINER, FINER),
+            coarse.reshape(*coarse.shape[:-1], 2, CELLS, CELLS),
         )
 
     def square(self, index: int, expansion: float) -> Square:

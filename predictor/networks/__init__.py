@@ -1,4 +1,4 @@
-"""Networks, one file for each: compact, far, frontiers, and those of Katyal et al. 2018.
+"""Networks, one file for each: compact, frontiers, and those of Katyal et al. 2018.
 
 The paper's networks take a grey image (B, 1, side, side) of the observed map, and return one of the
 predicted map: free +1, unknown 0, occupied -1. `grey_net.GreyNet` makes each of them by name.

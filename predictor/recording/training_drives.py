@@ -142,7 +142,7 @@ def _walked(
             crop = known.crop(known.frame.square(pose[0], pose[1], side))
             truth = truth_codes(*task.world.truth(crop.frame))
             around = known.crop(known.frame.square(pose[0], pose[1], CONTEXT_SIDE))
-            yield encoded(crop, truth, around, task.world.grid.crop(around.frame), pose[2]), pose
+            yield encoded(crop, truth, around, pose[2]), pose
 
 
 def _logged(
@@ -215,8 +215,7 @@ def _replayed(
                 square = frame.square(float(pose[0]), float(pose[1]), side)
                 true = encode_cells(truth.crop(square).cells)
                 around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT_SIDE))
-                true_around = truth.crop(around.frame)
-                yield encoded(known.crop(square), true, around, true_around, float(pose[2])), pose
+                yield encoded(known.crop(square), true, around, float(pose[2])), pose
 
 
 def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset()) -> None:

@@ -7,19 +7,11 @@ For all networks:
 - `optimisation`: a step of an optimiser, and its learning rate.
 - `trainer`: the training loop.
 
-For the networks that learn from samples of walks:
-
-- `samples_trainer`: their training, whose weights are averages.
-
 For the compact network:
 
 - `compact_targets`: its batches and losses.
 - `compact_training`: its training.
 - `compact_comparison`: its scores before and after a fine-tuning.
-
-For the far network:
-
-- `far_training`: its training, targets and scores.
 
 For the network of frontiers:
 

@@ -6,7 +6,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from foresee.mapping.context import CELLS, FINER
+from foresee.mapping.context import CELLS
 from predictor.data.squares import NOTHING, parted
 from predictor.networks.compact_net import FREE, ROOM, ROOM_REACH, room_masks, widened
 
@@ -33,12 +33,12 @@ def contexts(coarse: Tensor, mirror: Tensor, alone: Tensor, side: int) -> Tensor
     """Return the contexts of some samples, (B, 2, CELLS, CELLS), in [0, 1].
 
     Args:
-        coarse: coarse maps of the samples, (B, 3, FINER, FINER) uint8.
+        coarse: contexts of the samples in percent, (B, 2, CELLS, CELLS) uint8.
         mirror: which samples to mirror across the heading, (B,).
         alone: samples whose context is cleared outside of their own square, (B,).
         side: side of that square [cells of a sample].
     """
-    shares = F.avg_pool2d(mirrored(coarse[:, :2], mirror).float() / 100.0, FINER // CELLS)
+    shares = mirrored(coarse, mirror).float() / 100.0
     edge = (CELLS - side // 10) // 2
     inside = torch.zeros(CELLS, dtype=torch.bool, device=coarse.device)
     inside[edge : CELLS - edge] = True

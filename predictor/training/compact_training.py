@@ -16,7 +16,9 @@ from predictor.data.samples import Samples
 from predictor.data.squares import NOTHING, parted
 from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
 from predictor.networks.quantised_conv import input_ranges
+from predictor.runtime import fastest_device
 from predictor.scoring.scores import RINGS, Scores
+from predictor.training.checkpoint import TrainError
 from predictor.training.compact_targets import (
     NEAR,
     contexts,
@@ -24,10 +26,10 @@ from predictor.training.compact_targets import (
     losses,
     middle_squares,
 )
-from predictor.training.optimisation import deterministic
-from predictor.training.samples_trainer import SamplesTrainer
+from predictor.training.optimisation import cosine, descend, deterministic
 from predictor.training.settings import CompactTraining
-from predictor.training.trainer import spread
+from predictor.training.trainer import Trainer, common_facts, spread
+from predictor.weights import save_weights
 
 SQUARE_SIDES = (200, 200, 200, 120, 160, 240, 280)
 """Sides of the squares of a step, drawn at random [cells], since windows and expansions of drives
@@ -45,7 +47,7 @@ KIND_WEIGHT = 0.05
 """Weight of the loss of `KindOfBuilding`."""
 
 
-class CompactTrainer(SamplesTrainer):
+class CompactTrainer(Trainer):
     """A training of the compact network.
 
     Args:
@@ -70,16 +72,69 @@ class CompactTrainer(SamplesTrainer):
         out: Path,
         start: tuple[CompactNet, dict[str, Any]] | None = None,
     ) -> None:
+        self.config, self.train, self.validation = config, train, validation
+        self.device = fastest_device()
+        self.brief = self.device.type == "cuda" or bool(
+            torch.cpu.get_capabilities().get("avx512_bf16")
+        )
         deterministic(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
+        check_unlearned(before, validation)
         # Both were fitted to features that change now. The layer has to be fitted again afterwards.
         net = net.with_context(config.context).without_kinds_and_ranges()
+        self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.kinds = None
         if net.context is not None:
-            self.kinds = KindOfBuilding(net.context, len(train.families))
-        facts = {"losses": {"near": NEAR, "kind": KIND_WEIGHT}}
-        path = out / "compact.safetensors"
-        super().__init__(config, train, validation, path, net, before, facts, self.kinds)
+            self.kinds = KindOfBuilding(net.context, len(train.families)).to(self.device)
+        self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
+        learned = [*self.net.parameters(), *(self.kinds.parameters() if self.kinds else ())]
+        self.optimizer = torch.optim.AdamW(
+            learned, config.rate, (0.9, 0.98), weight_decay=config.decay
+        )
+        self.parts = {"net": self.net, "optimizer": self.optimizer}
+        facts = common_facts(config, self.net, self.device, train, validation) | {
+            "bfloat16": self.brief,
+            "before": {
+                name: before[name]
+                for name in ("fingerprint", "config", "drives", "samples", "commit", "before")
+                if name in before
+            },
+            "drives": len(train.about),
+            "losses": {"near": NEAR, "kind": KIND_WEIGHT},
+        }
+        for name in ("worlds", "validation_worlds"):
+            facts[name] = sorted({*facts[name], *before.get(name, ())})
+        # A GPU is faster than what unpacks the samples, so it holds them all.
+        self.held: Tensor | None = None
+        if self.device.type == "cuda":
+            self.held = self._unpacked(np.arange(len(train))).to(self.device)
+        note_every = max(1, min(500, config.steps // 10))
+        super().__init__(out / "compact.safetensors", facts, config.steps, note_every, self.device)
+
+    def smoothed(self) -> CompactNet:
+        """Return the network with averaged weights, which is validated and exported."""
+        net = type(self.net)(self.net.config)
+        net.load_state_dict(self.averaged)
+        return net.to(self.device, memory_format=torch.channels_last).eval()
+
+    def _state(self) -> dict[str, Any]:
+        kinds = self.kinds and self.kinds.state_dict()
+        return super()._state() | {"kinds": kinds, "averaged": self.averaged}
+
+    def _load(self, state: dict[str, Any]) -> None:
+        super()._load(state)
+        if self.kinds is not None:
+            self.kinds.load_state_dict(state["kinds"])
+        self.averaged = state["averaged"]
+
+    def _data(self, chosen: NDArray[np.int64]) -> Tensor:
+        """Return the bytes of some training samples; their numbers, if they are held already."""
+        if self.held is None:
+            return self._unpacked(chosen)
+        return torch.from_numpy(chosen)
+
+    def _unpacked(self, chosen: NDArray[np.int64]) -> Tensor:
+        return torch.from_numpy(self.train.stacked(chosen, 100))
 
     def _batch(self, step: int) -> tuple[Any, ...]:
         rng = np.random.default_rng([self.config.seed, step])
@@ -94,6 +149,25 @@ class CompactTrainer(SamplesTrainer):
             *(torch.from_numpy(part) for part in (mirror, alone, families)),
         )
 
+    def _learn(self, *batch: Any) -> list[float]:
+        config, step = self.config, self.step
+        self.net.train()
+        data, side, *options = batch
+        data = data.to(self.device)
+        codes, coarse = Samples.parts(data if self.held is None else self.held[data])
+        loss = self._loss(codes, coarse, side, *(option.to(self.device) for option in options))
+        rate = config.rate * min(1.0, (step + 1) / config.warmup) * cosine(step, config.steps)
+        descend(self.optimizer, loss, rate, self.net)
+        # The average follows fast at first, so that it forgets the first weights.
+        keep = min(config.average, step / (step + 10.0))
+        with torch.no_grad():
+            for name, values in self.net.state_dict().items():
+                if values.dtype.is_floating_point:
+                    self.averaged[name].lerp_(values, 1.0 - keep)
+                else:
+                    self.averaged[name].copy_(values)
+        return [float(loss.detach())]
+
     def _loss(
         self,
         codes: Tensor,
@@ -103,6 +177,16 @@ class CompactTrainer(SamplesTrainer):
         alone: Tensor,
         families: Tensor,
     ) -> Tensor:
+        """Return the loss of a batch.
+
+        Args:
+            codes: codes of the samples, (B, SIDE, SIDE).
+            coarse: their contexts, (B, 2, CELLS, CELLS).
+            side: side of the squares to learn from [cells].
+            mirror: which samples to mirror across the heading, (B,).
+            alone: which samples have no context, (B,).
+            families: number of each sample's family, (B,).
+        """
         codes = middle_squares(codes, side, mirror)
         context = contexts(coarse, mirror, alone, side)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
@@ -112,11 +196,29 @@ class CompactTrainer(SamplesTrainer):
             loss = loss + KIND_WEIGHT * self.kinds.loss(families, codes)
         return loss
 
-    def _exported(self) -> CompactNet:
-        return quantised(self.smoothed(), self.train)
+    def _export(self, facts: dict[str, Any]) -> None:
+        net = quantised(self.smoothed(), self.train)
+        save_weights(self.weights, net, facts | {"validation": self.log[-1]})
 
     def _measures(self) -> dict[str, float]:
         return validate(self.smoothed(), self.validation, USUAL_SIDE).measures()
+
+
+def check_unlearned(before: dict[str, Any], validation: Samples) -> None:
+    """Check that weights to start from have not learned from the buildings to validate on.
+
+    Args:
+        before: facts of the training of these weights; empty: random weights.
+        validation: validation samples.
+
+    Raises:
+        TrainError: if they have.
+    """
+    both = validation.worlds & set(before.get("worlds", ()))
+    if both:
+        raise TrainError(
+            f"--start: its weights have learned from {len(both)} of the buildings to validate on"
+        )
 
 
 def quantised(net: CompactNet, samples: Samples) -> CompactNet:

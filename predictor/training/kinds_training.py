@@ -17,8 +17,7 @@ from predictor.data.samples import Samples
 from predictor.networks.compact_net import CompactNet
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_targets import contexts
-from predictor.training.compact_training import quantised
-from predictor.training.samples_trainer import check_unlearned
+from predictor.training.compact_training import check_unlearned, quantised
 from predictor.weights import save_weights
 
 DOUBTS = {"narrow": 60.0, "floor_plan": 15.0, "as_built": 20.0, "office": 6.0}

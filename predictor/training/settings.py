@@ -13,14 +13,13 @@ from predictor.networks.image_config import ImageConfig
 
 
 @dataclass(frozen=True)
-class SamplesTraining:
-    """Settings of a training on samples.
+class CompactTraining:
+    """Settings of a training of the compact network.
 
     Attributes:
         steps: number of optimiser steps.
-        batch: samples per step; for compact, those with squares of the side
-            `compact_training.USUAL_SIDE`: a step with larger squares has fewer samples, one with
-            smaller squares more.
+        batch: samples per step with squares of the side `compact_training.USUAL_SIDE`: a step with
+            larger squares has fewer samples, one with smaller squares more.
         rate: highest learning rate.
         warmup: number of steps in which the learning rate rises to `rate`; then it falls along a
             cosine to zero.
@@ -29,6 +28,8 @@ class SamplesTraining:
             steps.
         seed: seed of the first weights and of the order of samples.
         start: fingerprint of the weights that training starts from; None: random weights.
+        context: channels of the context's network; 0: no context. If the weights to start from have
+            no context, one is added.
     """
 
     steps: int = 8_000
@@ -39,17 +40,6 @@ class SamplesTraining:
     average: float = 0.998
     seed: int = 0
     start: str | None = None
-
-
-@dataclass(frozen=True)
-class CompactTraining(SamplesTraining):
-    """Settings of a training of the compact network.
-
-    Attributes:
-        context: channels of the context's network; 0: no context. If the weights to start from have
-            no context, one is added.
-    """
-
     context: int = 24
 
 

@@ -55,7 +55,7 @@ def test_a_belief_without_a_level_leads_the_plan_and_never_the_last_resort(name)
 
 def test_only_arms_with_a_prediction_let_it_influence_the_route():
     steering = {name for name in ARMS if navigator_config(SETTINGS, ARMS[name]).steer}
-    predicting = {"known+route", "known+route+frontiers", "known+route+far"}
+    predicting = {"known+route", "known+route+frontiers"}
     predicting |= {"predicted", "perfect", "oracle"}
     predicting |= {"known+truth10", "known+truth20", "known+truth40"}
     assert steering == predicting

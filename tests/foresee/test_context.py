@@ -6,7 +6,7 @@ import torch
 from short_drive import drive, navigator, straight
 
 from foresee.checking import check_predictor
-from foresee.mapping.context import CELLS, FINER, SIDE
+from foresee.mapping.context import CELLS, SIDE
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import BadPredictionError, Prediction, View
 from predictor.compact import Compact
@@ -116,8 +116,8 @@ def test_turning_the_building_and_the_car_turns_the_prediction(weights, turns):
 
 
 def test_in_training_some_samples_are_without_what_lies_beyond_their_square():
-    coarse = torch.full((2, 3, FINER, FINER), 50, dtype=torch.uint8)
-    coarse[0, :, : FINER // 2] = 100
+    coarse = torch.full((2, 2, CELLS, CELLS), 50, dtype=torch.uint8)
+    coarse[0, :, : CELLS // 2] = 100
     first, second = torch.tensor([True, False]), torch.tensor([False, True])
     out = contexts(coarse, first, second, 200)
     assert out.shape == (2, 2, CELLS, CELLS)

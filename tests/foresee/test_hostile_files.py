@@ -31,7 +31,7 @@ from benchmarks.tables import main as main_of_tables
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_yaml import YamlError, read_yaml
 from foresee.infra.resumable import ResumableFolder
-from foresee.mapping.context import FINER
+from foresee.mapping.context import CELLS
 from planner.navigator import Navigator
 from planner.navigator_config import NavigatorConfig
 from planner.risk.calibration import CalibrationError
@@ -157,7 +157,7 @@ def test_results_of_any_bytes(folder, data):
 
 def shard(path, codes=None, ends=None, about=None):
     """A file of one sample, of which parts are replaced."""
-    good = zlib.compress(bytes(SIDE**2 + 3 * FINER**2))
+    good = zlib.compress(bytes(SIDE**2 + 2 * CELLS**2))
     write_samples(path, [(good, np.zeros(3))], {"seed": 0, "world": "a", "original": "b"})
     with np.load(path) as file:
         parts = {name: file[name] for name in file.files}

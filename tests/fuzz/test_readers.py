@@ -39,7 +39,7 @@ from benchmarks.runs.trace import Drive, RunError, Trace
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_yaml import YamlError, read_yaml
 from foresee.mapping.body import Body
-from foresee.mapping.context import FINER
+from foresee.mapping.context import CELLS
 from planner.risk.calibration import CalibrationError
 from predictor.data.carmen import read_carmen
 from predictor.data.frames import Frames, FramesError, checksum
@@ -374,7 +374,7 @@ def read_set(folder):
 
 
 def write_shards(folder):
-    good = compress(bytes(SIDE**2 + 3 * FINER**2))
+    good = compress(bytes(SIDE**2 + 2 * CELLS**2))
     about = {"seed": 0, "world": "a", "original": "b", "family": "office"}
     write_samples(folder / "0.npz", [(good, np.zeros(3))] * 2, about)
     write_samples(folder / "1.npz", [(good, np.ones(3))], about)

@@ -9,7 +9,7 @@ import torch
 from generated_frames import generated, write_frames
 
 from benchmarks.studies.katyal2018.contestants import reduced
-from foresee.mapping.context import FINER
+from foresee.mapping.context import CELLS
 from predictor.data.samples import Samples, write_samples
 from predictor.data.splits import SplitError
 from predictor.networks import ARCHITECTURES
@@ -332,7 +332,7 @@ def test_it_learns_from_compacts_drives_too(tmp_path, given):
         codes[:, 40:240, 40:240] = frames.remembered + 3 * frames.whole
         folder = tmp_path / "drives" / split
         folder.mkdir(parents=True)
-        context = bytes(3 * FINER**2)
+        context = bytes(2 * CELLS**2)
         packed = [(zlib.compress(each.tobytes() + context), np.zeros(3)) for each in codes]
         write_samples(folder / "0.npz", packed, {"world": split, "original": split})
     (tmp_path / "drives" / "recipe.json").write_text("{}")

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from foresee.mapping.body import Body
-from foresee.mapping.context import CELLS, FINER, coarse_context
+from foresee.mapping.context import CELLS, coarse_context
 from foresee.mapping.context import SIDE as CONTEXT
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, world_hash
 from predictor.data.packed_samples import SamplesError
 from predictor.data.samples import SIDE, Samples, encoded, quarters, write_samples
 from predictor.data.splits import SplitError, check_apart
-from predictor.data.squares import decode_cells
 from predictor.recording.rescan import rescanned
 from sim.buildings import task_in
 from sim.lidar import LidarConfig
@@ -20,17 +19,16 @@ from sim.lidar import LidarConfig
 FRAME = GridFrame(0.05, (0.0, 0.0), (SIDE, SIDE))
 
 
-def around_of(known, truth):
-    """The observed and the true map of the square of the context."""
-    square = FRAME.square(*FRAME.centre(SIDE / 2, SIDE / 2), CONTEXT)
-    return known.crop(square), Grid(FRAME, decode_cells(truth)).crop(square)
+def around_of(known):
+    """The observed map of the square of the context."""
+    return known.crop(FRAME.square(*FRAME.centre(SIDE / 2, SIDE / 2), CONTEXT))
 
 
 def some_sample(seed=0, yaw=0.0):
     rng = np.random.default_rng(seed)
     known = Grid(FRAME, rng.choice(np.array([FREE, OCCUPIED, UNKNOWN], np.int8), FRAME.shape))
     truth = rng.integers(0, 3, FRAME.shape, dtype=np.uint8)
-    return known, truth, encoded(known, truth, *around_of(known, truth), yaw)
+    return known, truth, encoded(known, truth, around_of(known), yaw)
 
 
 def write(folder, name="000000", world="a", samples=None):
@@ -61,28 +59,28 @@ def test_what_lies_ahead_of_the_robot_lies_along_x(tmp_path, yaw):
     ahead = round(100 * np.cos(yaw)), round(100 * np.sin(yaw))
     truth[middle + ahead[1] - 3 : middle + ahead[1] + 3, middle + ahead[0] - 3 :][:, :6] = 0
     known = Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8))
-    write(tmp_path, samples=[encoded(known, truth, *around_of(known, truth), yaw)])
+    write(tmp_path, samples=[encoded(known, truth, around_of(known), yaw)])
     rows, cols = np.nonzero(Samples.load(tmp_path)[0] // 3 == 0)
     x, y = cols.mean() - middle, rows.mean() - middle
     assert x > abs(y) - 2
 
 
-def test_the_coarse_maps_are_turned_as_the_sample_is(tmp_path):
+def test_the_context_is_turned_as_the_sample_is(tmp_path):
     cells = np.full(FRAME.shape, UNKNOWN, np.int8)
     cells[: SIDE // 4, : SIDE // 2] = FREE
     cells[SIDE // 4 : SIDE // 2, : SIDE // 2] = OCCUPIED
     known, truth = Grid(FRAME, cells), np.full(FRAME.shape, 2, np.uint8)
     truth[: SIDE // 2, : SIDE // 4] = 0
     for yaw in (0.0, 1.5, 3.0, -1.5):
-        write(tmp_path, samples=[encoded(known, truth, *around_of(known, truth), yaw)])
+        write(tmp_path, samples=[encoded(known, truth, around_of(known), yaw)])
         samples = Samples.load(tmp_path)
         codes, coarse = (part[0] for part in samples.parts(samples.stacked(np.array([0]), 100)))
         assert np.array_equal(codes, samples[0])
-        edge = (FINER - SIDE // 5) // 2
-        inside = coarse[:, edge : FINER - edge, edge : FINER - edge]
-        for kind, fine in enumerate((codes % 3 == 0, codes % 3 == 1, codes // 3 == 0)):
-            blocks = fine.reshape(SIDE // 5, 5, SIDE // 5, 5)
-            assert np.array_equal(inside[kind], 4 * blocks.sum(axis=(1, 3)))
+        edge = (CELLS - SIDE // 10) // 2
+        inside = coarse[:, edge : CELLS - edge, edge : CELLS - edge]
+        for kind in range(2):
+            blocks = (codes % 3 == kind).reshape(SIDE // 10, 10, SIDE // 10, 10)
+            assert np.array_equal(inside[kind], blocks.sum(axis=(1, 3)))
         assert coarse.sum() == inside.sum()
 
 

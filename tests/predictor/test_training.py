@@ -48,8 +48,8 @@ def some_drive(folder, seed, family="narrow"):
     for known, state in rescanned(task, states, 5.0, LidarConfig(), rng, 1):
         crop = known.crop(known.frame.square(state[0], state[1], SIDE * 0.05))
         around = known.crop(known.frame.square(state[0], state[1], CONTEXT))
-        truth, true_around = truth_codes(*world.truth(crop.frame)), world.grid.crop(around.frame)
-        samples.append(encoded(crop, truth, around, true_around, state[2]))
+        truth = truth_codes(*world.truth(crop.frame))
+        samples.append(encoded(crop, truth, around, state[2]))
     building = world_hash(world.grid.cells)
     about = {"seed": seed, "family": family, "world": building, "original": building}
     folder.mkdir(parents=True, exist_ok=True)
