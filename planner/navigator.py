@@ -143,7 +143,8 @@ class Navigator:
             scan: LIDAR scan taken at that state.
 
         Raises:
-            ValueError: if the state is not finite; all other failures are handled and counted.
+            ValueError: if the state is not finite, or so far away that the map would need more than
+                10⁹ cells; all other failures are handled and counted.
         """
         if not np.isfinite(state).all():
             raise ValueError(f"state is {state}, it must be finite")
@@ -378,11 +379,12 @@ class Navigator:
         if math.dist(state[:2], self._place) > 0.1:
             self._place, self._lingered = (float(state[0]), float(state[1])), 0
         self._lingered += 1
-        moves = max(state[3], ahead[min(1, len(ahead) - 1), 3]) > 0.02
+        then = float(ahead[min(1, len(ahead) - 1), 3])
+        moves = max(state[3], then) > 0.02
         self._rested = 0 if moves else self._rested + 1
         stuck = self._rested and self._rested % REST_TICKS == 0
         if stuck or self._lingered % LINGER_TICKS == 0:
-            return self.guide.unstick(self._tick, state, self.known, risk, steering)
+            return self.guide.unstick(self._tick, state, self.known, risk, steering, then)
         return self.guide.plan_if_due(self._tick, ahead, self.known, risk, steering)
 
     def _predict(

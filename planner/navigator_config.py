@@ -77,5 +77,7 @@ class NavigatorConfig:
 
     @property
     def risk_side(self) -> float:
-        """Side of the risk map [m]: a stop from top speed fits into it ahead of the car."""
-        return max(10.0, 2 * (self.car.stopping_distance + 1.0 - RISK_MAP_AHEAD))
+        """Side of the risk map [m]: the body, and a stop from top speed, fit into it."""
+        room = self.car.body.radius + 0.5
+        ahead = self.car.stopping_distance + max(1.0, room) - RISK_MAP_AHEAD
+        return max(10.0, 2 * ahead, 2 * (RISK_MAP_AHEAD + room))

@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Real
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
@@ -159,7 +160,7 @@ class ControllerDriver:
 
     def skip(self) -> ControllerDecision:
         """Brake, on the arc of the last control."""
-        braking = replace(self._last, acceleration=-self._car.braking)
+        braking = replace(self._last, acceleration=-self._car.braking, turn_rate=0.0)
         return self._decision(np.zeros(4), braking, 0.0)
 
     def _decision(
@@ -174,10 +175,11 @@ class ControllerDriver:
         if not isinstance(control, Control):
             raise ControllerError(f"{what}, it must return a foresee.mapping.control.Control")
         values = (control.acceleration, control.curvature, control.turn_rate)
-        if not all(map(math.isfinite, values)):
-            raise ControllerError(f"{what}, whose values must be finite")
-        if control.gear not in (1, -1) or (control.gear < 0 and self._car.reverse == 0):
-            gears = "1 or -1" if self._car.reverse else "1: this car has no reverse gear"
-            raise ControllerError(f"{what}, whose gear must be {gears}")
+        if not all(isinstance(value, Real) and math.isfinite(value) for value in values):
+            raise ControllerError(f"{what}, whose values must be finite numbers")
+        gears = (1, -1) if self._car.reverse else (1,)
+        if not isinstance(control.gear, Real) or control.gear not in gears:
+            which = "1 or -1" if self._car.reverse else "1: this car has no reverse gear"
+            raise ControllerError(f"{what}, whose gear must be {which}")
         if control.turn_rate and self._car.turn_rate == 0:
             raise ControllerError(f"{what}: this car cannot turn on the spot")

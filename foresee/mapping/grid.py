@@ -29,6 +29,8 @@ HIT, MISS = 17, -8
 """Log-odds that a hit and a miss add to a cell, in steps of 0.05 (Hornung et al. 2013, OctoMap)."""
 LOWEST, HIGHEST = -40, 70
 """Bounds of the log-odds, from the same source and in the same unit."""
+MOST_CELLS = 10**9
+"""Largest number of cells of a map that grows."""
 ROUNDING = 1e-9
 """Length above all rounding errors of coordinates [m]."""
 
@@ -248,12 +250,14 @@ def mark_sure(
     x, y, yaw = scan.sensor_pose(*pose)
     marks = np.zeros(frame.shape, dtype=np.uint8)
     mount = math.hypot(*scan.mount[:2])
+    # Beams beyond a full circle repeat the first ones.
+    once = math.floor(2.0 * math.pi / abs(scan.angle_increment) + 1e-6)
     mark_visible(
         marks,
         *frame.in_cells(x, y),
         yaw + scan.angle_min,
         scan.angle_increment,
-        scan.ranges / frame.resolution,
+        scan.ranges[:once] / frame.resolution,
         scan.range_max / frame.resolution,
         SensingBounds(
             bounds.apart(mount) / frame.resolution, bounds.yaw, bounds.range / frame.resolution
@@ -374,9 +378,15 @@ class OccupancyGrid:
             self.mark_free(pose, body.inflated(-lost), 0.0)
 
     def cover(self, wanted: GridFrame) -> GridFrame:
-        """Grow the map, if needed, by about whole windows until a frame fits; return that frame."""
-        # A multiple of 60, so that maps of 2, 3, 4 or 5 times coarser cells keep their lattice.
-        step = 60 * math.ceil(max(wanted.shape[0], 100) / 60)
+        """Grow the map, if needed, by about whole windows until a frame fits; return that frame.
+
+        Raises:
+            ValueError: if it would have more than `MOST_CELLS` cells.
+        """
+        # So that maps of 2, 3, 4 or 5 times coarser cells, and of cells of about 0.1 m, keep their
+        # lattice.
+        unit = math.lcm(60, max(1, round(0.1 / self.frame.resolution)))
+        step = unit * math.ceil(max(wanted.shape[0], 100) / unit)
         missing = [
             (max(0, -start), max(0, start + length - have))
             for start, length, have in zip(
@@ -385,6 +395,12 @@ class OccupancyGrid:
         ]
         if any(map(any, missing)):
             width = np.ceil(np.array(missing) / step).astype(int) * step
+            rows, cols = (width.sum(axis=1) + self.frame.shape).tolist()
+            if rows * cols > MOST_CELLS:
+                raise ValueError(
+                    f"the map would have {rows} x {cols} cells, at most {MOST_CELLS} are possible: "
+                    "is the pose in the frame of the map?"
+                )
             self.log_odds = np.pad(self.log_odds, width)
             (x, y), resolution = self.frame.origin, self.frame.resolution
             origin = (float(x - width[1, 0] * resolution), float(y - width[0, 0] * resolution))

@@ -228,6 +228,7 @@ class Guide:
         known: OccupancyGrid,
         risk: RiskMap,
         steering: Prediction | None,
+        then: float,
     ) -> tuple[Fault, ...]:
         """Request a recovery manoeuvre for a car at rest, in both gears if it has two.
 
@@ -239,6 +240,7 @@ class Guide:
             known: observed map.
             risk: newest risk map around the car.
             steering: prediction that may change the route, or None.
+            then: speed that the car is to have after this tick [m/s].
 
         Returns:
             The faults that were handled. If the search fails, the guide keeps its path.
@@ -246,13 +248,14 @@ class Guide:
         if self._running is not None:
             return ()
         pose = state if self.gear > 0 else mirrored(state)
-        return self._start(self._request(tick, True, pose, pose, known, risk, steering))
+        return self._start(self._request(tick, True, pose, pose, known, risk, steering), then)
 
-    def take(self, state: NDArray[np.float64]) -> tuple[Fault, ...]:
+    def take(self, state: NDArray[np.float64], then: float = 0.0) -> tuple[Fault, ...]:
         """Take over what the search has found, if it has ended.
 
         Args:
             state: current x, y, yaw, v of the car, (4,).
+            then: speed that the car is to have after this tick [m/s].
 
         Returns:
             The faults that were handled.
@@ -270,6 +273,9 @@ class Guide:
         request = found.request
         if request.recovers and math.dist(state[:2], request.state[:2]) > self.config.leg_end:
             # The car has come away without the manoeuvre, which begins where it was.
+            return found.faults
+        if found.turn_to is not None and self.gear < 0 and max(abs(state[3]), then) > REST:
+            # The car reverses again. It may change its gear only where it stands.
             return found.faults
         if request.recovers and (found.legs is not None or found.turn_to is not None):
             self._stuck = np.vstack([self._stuck, front(request.state, self.car)])
@@ -319,14 +325,14 @@ class Guide:
             memory=self._memory,
         )
 
-    def _start(self, request: Request) -> tuple[Fault, ...]:
-        """Start a search, and take over what it finds if it ends at once."""
+    def _start(self, request: Request, then: float = 0.0) -> tuple[Fault, ...]:
+        """Start a search, and take over what it finds if it ends at once, see `take`."""
         try:
             self._running = self._executor.submit(self.search.find, request)
         except Exception:
             # No process could be started.
             return (Fault.PATH_FAILED,)
-        return self.take(request.state)
+        return self.take(request.state, then)
 
     def _adopt(self, path: Path) -> None:
         self._whole, self.segment, self.is_new = path, 0, True

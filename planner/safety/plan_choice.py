@@ -167,7 +167,10 @@ class PlanChooser:
     def _carried_on(self, state: NDArray[np.float64]) -> Plan:
         """Return the rest of the manoeuvre that was kept, as the plan and as the last resort."""
         self.resort.controls = shifted(self._kept, self.mpc.limits.braking)
-        return self.mpc.roll(state, self._kept)
+        plan = self.mpc.roll(state, self._kept)
+        # The control that was tested: the one that fits the newest estimate may brake less, since a
+        # car with a lag still moves where its plan stands.
+        return Plan(plan.states, np.vstack([self._kept[:1], plan.controls[1:]]))
 
     def choose(self, now: Situation, afresh: bool) -> Choice:
         """Choose the plan to drive.

@@ -1,5 +1,6 @@
 """Observation with errors: what counts as free is free, wherever in their bounds the errors lie."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -85,6 +86,16 @@ def test_a_scan_of_the_full_circle_has_no_seam():
     free = mark_sure(scan, (8.0, 1.6, 0.0), frame, BOUNDS) == 1
     assert free[frame.cell(6.0, 1.6)]
     assert free[frame.cell(10.0, 1.6)]
+
+
+@pytest.mark.parametrize("more", [1, 5, 90])
+def test_beams_that_repeat_the_first_ones_change_nothing(more):
+    world, pose = empty_straight(20.0, 3.0), (8.0, 1.6, 0.3)
+    scan = Lidar(LidarConfig(fov=2 * math.pi, beams=360)).scan(world, pose)
+    longer = dataclasses.replace(scan, ranges=np.concatenate([scan.ranges, scan.ranges[:more]]))
+    marks = [mark_sure(one, pose, world.grid.frame, BOUNDS) for one in (scan, longer)]
+    assert np.array_equal(*marks)
+    assert (marks[0] == 1).any()
 
 
 def test_a_grid_without_errors_is_integrated_as_before():

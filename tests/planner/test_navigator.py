@@ -2,17 +2,24 @@
 
 import dataclasses
 import math
+from concurrent.futures import Future
 
 import numpy as np
 import pytest
 from short_drive import LIDAR, drive, navigator, straight
 
+from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import REST
 from foresee.mapping.error_bounds import ErrorBounds
-from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from foresee.mapping.grid import FREE, HIGHEST, LOWEST, OCCUPIED, Grid, GridFrame, OccupancyGrid
+from foresee.mapping.scan import Scan
 from foresee.prediction import Prediction
+from planner.fault import Fault
+from planner.guide.path_search import Found, SearchMemory
 from planner.motion.path import Path as Way
 from planner.mpc.mpc import Solution, Status
+from planner.navigator import Navigator
 from planner.navigator_config import NavigatorConfig
 from planner.risk.adaptive_level import DOUBT_KEPT
 from planner.risk.risk_map import RiskMap
@@ -20,6 +27,10 @@ from planner.safety.collision import swept_cells
 from planner.safety.situation import Situation
 from sim import DubinsCar, generate, sample_task
 from sim.episode import EpisodeConfig, Outcome
+from sim.errors import Actuators
+
+BLIND = Scan(np.full(3, np.nan), -0.1, 0.1, 10.0)
+"""A scan without a measurement."""
 
 
 def test_a_state_that_is_not_finite_is_refused():
@@ -27,6 +38,97 @@ def test_a_state_that_is_not_finite_is_refused():
     driver = navigator(task)
     with pytest.raises(ValueError, match="finite"):
         driver.step(np.array([0.0, math.nan, 0.0, 0.0]), LIDAR.scan(task.world, task.start))
+
+
+def test_a_pose_that_lies_in_another_frame_is_refused():
+    task = straight()
+    driver = navigator(task)
+    with pytest.raises(ValueError, match="is the pose in the frame of the map"):
+        driver.step(np.array([1e6, 1e6, 0.0, 0.0]), LIDAR.scan(task.world, task.start))
+
+
+def free_all_round(cell):
+    """A map without walls, in cells of any size."""
+    count = round(24.0 / cell)
+    known = OccupancyGrid(GridFrame(cell, (-12.0, -12.0), (count, count)), 5.0)
+    known.log_odds[:] = LOWEST
+    return known
+
+
+def test_a_body_longer_than_the_usual_risk_map_drives():
+    car = CarLimits(v_max=2.0, body=Body(8.0, 1.0), turning_radius=6.0)
+    driver = Navigator(
+        NavigatorConfig(car=car), None, np.zeros(3), (9.0, 0.0), free_all_round(0.05)
+    )
+    state, sim = np.zeros(4), DubinsCar(car)
+    for _ in range(10):
+        decision = driver.step(state, BLIND)
+        assert not decision.emergency
+        state = sim.step(state, decision.control, 0.1)
+    assert state[3] > 0.5
+
+
+@pytest.mark.parametrize("cell", [0.05, 0.0125, 0.014])
+def test_predictions_are_remembered_while_the_map_grows_in_cells_of_any_size(cell):
+    class Half:
+        side = 6.0
+
+        def predict(self, view):
+            half = np.full(view.known.frame.shape, 0.5, np.float32)
+            return Prediction(view.known.frame, half, half, half)
+
+    known = OccupancyGrid(GridFrame(cell, (-4.0, -4.0), (round(8.0 / cell),) * 2), 5.0)
+    config = NavigatorConfig(steer=True)
+    driver = Navigator(config, Half(), np.array([0.0, 0.0, math.pi]), (-3.0, 0.0), known)
+    state = np.array([0.0, 0.0, math.pi, 0.0])
+    for goal in ((-3.0, 0.0), (-9.0, -7.0)):
+        driver.head_for(goal)
+        for _ in range(3):
+            assert Fault.PATH_FAILED not in driver.step(state, BLIND).faults
+
+
+def test_without_a_safe_plan_what_was_kept_is_sent_as_it_was_tested():
+    # A car with a lag still moves where its plan stands: braking as the newest estimate asks for
+    # would be too weak.
+    bounds = ErrorBounds(delay=0.1, jitter=0.02, lag=0.25)
+    known, car = free_all_round(0.05), CarLimits()
+    config = NavigatorConfig(car=car, bounds=bounds)
+    driver = Navigator(config, None, np.zeros(3), (10.0, 0.0), known)
+    state, sim = np.zeros(4), DubinsCar(car)
+    actuators = Actuators(bounds, np.random.default_rng(0))
+    opened = 0
+    for tick in range(55):
+        if tick == 15:
+            known.log_odds[:] = HIGHEST
+        kept = driver.chooser.kept[0].copy()
+        decision = driver.step(state, BLIND)
+        if Fault.OPEN_LOOP in decision.faults:
+            opened += 1
+            if np.abs(decision.plan.states[:2, 3]).max() >= REST:
+                control = decision.control
+                assert (control.acceleration, control.curvature) == tuple(kept)
+        for control, span in actuators.during(decision.control, 0.1, abs(state[3]) > REST):
+            state = sim.step(state, control, span)
+    assert opened > 10
+    assert state[3] == 0.0
+
+
+@pytest.mark.parametrize("speed", [-0.4, 0.0])
+def test_a_turn_on_the_spot_is_taken_over_only_by_a_car_that_stands(speed):
+    car = CarLimits(v_max=2.0, reverse=0.5, turn_rate=1.5, turning_radius=0.3)
+    driver = Navigator(
+        NavigatorConfig(car=car), None, np.zeros(3), (8.0, 0.0), free_all_round(0.05)
+    )
+    decision = driver.step(np.zeros(4), BLIND)
+    guide = driver.guide
+    guide.gear = -1
+    request = guide._request(
+        0, True, np.zeros(4), np.zeros(4), driver.known, decision.risk_map, None
+    )
+    guide._running = Future()
+    guide._running.set_result(Found(request, SearchMemory(), turn_to=1.5))
+    guide.take(np.array([0.0, 0.0, 0.0, speed]))
+    assert (guide.turn_to, guide.gear) == ((None, -1) if speed else (1.5, 1))
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,14 @@ def follow(state, action):
     return Control((action.speed - float(state[3])) / 0.1, curvature)
 
 
+def test_a_car_that_stands_sets_off_whatever_noise_its_speed_is_measured_with():
+    driver, state = pilot(), START.copy()
+    for noise in (-0.001, 0.004, -0.009):
+        state[3] = noise
+        action = driver.act(state, LIDAR.scan(WORLD, state))
+        assert action.speed > 0.1
+
+
 def test_it_reaches_the_goal_and_stands():
     driver = pilot()
     states, action = drive(driver, START, 150)

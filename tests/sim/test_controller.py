@@ -84,6 +84,8 @@ def test_it_is_told_the_route_only_if_that_is_prescribed():
     [
         ((1.0, 0.0), "must return a foresee.mapping.control.Control"),
         (Control(math.nan, 0.0), "must be finite"),
+        (Control("1", None), "must be finite numbers"),
+        (Control(1.0, 0.0, np.array([1, 2])), "gear must be 1"),
         (Control(1.0, 0.0, -1), "gear must be 1: this car has no reverse gear"),
         (Control(1.0, 0.0, 1, 0.5), "cannot turn on the spot"),
         (lambda *seen: 1 / 0, "ZeroDivisionError: division by zero"),
@@ -97,6 +99,14 @@ def test_what_is_no_proper_control_is_refused_in_a_line(control, message):
 def test_a_car_with_a_reverse_gear_may_drive_backwards():
     driver = seated(Control(1.0, 0.0, -1), reverse=0.5)
     assert driver.step(np.array([*straight().start, 0.0]), SCAN).plan.gear == -1
+
+
+def test_in_a_missed_tick_it_brakes_and_turns_no_further():
+    driver = seated(Control(0.5, 0.0, 1, 1.0), turn_rate=1.5)
+    driver.step(np.array([*straight().start, 0.0]), SCAN)
+    control = driver.skip().control
+    assert control.acceleration < 0.0
+    assert control.turn_rate == 0.0
 
 
 def test_a_controller_that_cannot_be_made_is_refused():

@@ -25,6 +25,10 @@ SAME_GOAL = 0.01
 STANDS = 0.05
 """Speed below which a car counts as standing, whose speed is measured with noise [m/s]."""
 
+RESTS = 0.01
+"""Speed up to which the navigator is told that the car stands [m/s]: it changes the gear and turns
+on the spot only at a speed of 0, which a noisy measurement would never show."""
+
 
 class Mode(StrEnum):
     """What the pilot does."""
@@ -124,6 +128,8 @@ class Pilot:
         Raises:
             ValueError: if the state is not finite.
         """
+        if abs(float(state[3])) <= RESTS:
+            state = np.array([*state[:3], 0.0])
         if self.known is None:
             self.known = new_map(self._config, self._resolution, state)
         if self.goal is not None and math.dist(state[:2], self.goal) <= self._goal_radius:
