@@ -18,7 +18,7 @@ from foresee.prediction import Prediction
 from planner.fault import Fault
 from planner.guide.path_search import Found, SearchMemory
 from planner.motion.path import Path as Way
-from planner.mpc.mpc import Solution, Status
+from planner.mpc.mpc import MPCConfig, Solution, Status
 from planner.navigator import Navigator
 from planner.navigator_config import NavigatorConfig
 from planner.risk.adaptive_level import DOUBT_KEPT
@@ -147,6 +147,7 @@ def test_a_turn_on_the_spot_is_taken_over_only_by_a_car_that_stands(speed):
         {"window": 0.0},
         {"deadline": math.nan},
         {"start_margin": -1.0},
+        {"mpc": MPCConfig(dt=0.2), "car": CarLimits(turn_rate=1.5)},
     ],
 )
 def test_settings_that_make_no_sense_are_refused(changes):
