@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +53,11 @@ def drive(
         UsageError: if a setting cannot be used, or no shipped calibration is for these drives.
         CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
+    unknown = settings.keys() - {field.name for field in fields(Settings)}
+    if unknown:
+        raise UsageError(f"{min(unknown)}: drive() has no such setting")
+    if not isinstance(settings.get("risk", 0.0), Real):
+        raise UsageError("risk: drive() takes one number")
     name = world if isinstance(world, str) else world.name
     chosen = Settings.with_defaults(world=(name,), seed=seed, episodes=1, **settings)
     if chosen.tasks is not None:

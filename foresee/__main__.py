@@ -99,7 +99,10 @@ def _run(words: list[str]) -> int:
         print(f"foresee {own_version()}")
         return 0
     print(_overview(known))
-    return 0 if words in ([], ["-h"], ["--help"]) else 2
+    if words in ([], ["-h"], ["--help"]):
+        return 0
+    print(f"foresee: no command is called {words[0]!r}", file=sys.stderr)
+    return 2
 
 
 def _overview(known: dict[str, tuple[str, str]]) -> str:

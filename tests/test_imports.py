@@ -167,6 +167,7 @@ def test_the_console_script_lists_its_commands(capsys):
     said = capsys.readouterr().out
     assert set(commands()) <= set(said.replace(",", " ").split())
     assert main(["no-such-command"]) == 2
+    assert capsys.readouterr().err == "foresee: no command is called 'no-such-command'\n"
 
 
 def drawn():

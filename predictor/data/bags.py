@@ -266,6 +266,8 @@ class _Bag:
             if not by_transforms:
                 raise LogError(f"{self.path}: {self._unconnected(transforms, lasers)}")
             return root
+        if wanted is None and not by_transforms and root != BagConfig().map_frame:
+            raise LogError(f"{self.path}: {self._unconnected(transforms, lasers)}")
         topic = self._chosen(wanted, POSES, "poses", "--poses")
         robots = sorted({transforms.carrier(laser) for laser in lasers})
         if len(robots) > 1:

@@ -64,6 +64,11 @@ def read_log(path: Path, bag: BagConfig | None = None) -> LaserLog:
     Raises:
         LogError: if it cannot be read.
     """
+    if is_folder(path):
+        raise LogError(
+            f"{path} is a folder without metadata.yaml, so it is no bag: give a file in it, or "
+            "make that file with `ros2 bag reindex`"
+        )
     return read_bag(path, bag) if is_bag(path) else read_carmen(path)
 
 

@@ -31,6 +31,12 @@ def test_a_setting_that_cannot_be_used_is_refused():
         drive("corridor", arms=("nobody",))
 
 
+@pytest.mark.parametrize("wrong", [{"jobs": 1}, {"risk": (0, 0.02)}])
+def test_an_option_that_changes_no_single_drive_is_refused(wrong):
+    with pytest.raises(UsageError, match=f"{next(iter(wrong))}: drive"):
+        drive("corridor", **wrong)
+
+
 def test_a_risk_above_0_is_refused_for_a_building_without_a_name():
     with pytest.raises(UsageError, match="a calibration is for a family or a map file"):
         drive(generate("corridor", 3), arms=("predicted",), predictor="none", risk=0.05)

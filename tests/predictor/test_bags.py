@@ -175,6 +175,23 @@ def test_of_several_topics_one_must_be_chosen(tmp_path):
         read_bag(out.path, BagConfig("/side", "/amcl"))
 
 
+def test_a_map_frame_that_is_asked_for_is_not_replaced_by_a_topic_of_poses(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.mount()
+        for time in (1.0, 2.0):
+            out.transform(time, "odom", "base_link", (time, 0.0, 0.0), turn(0.0))
+            out.pose(time, time, 0.0, 0.0)
+            out.scan(time)
+    assert len(read_bag(out.path).poses) == 2
+    with pytest.raises(LogError, match="not to 'zz'"):
+        read_bag(out.path, BagConfig(map_frame="zz"))
+
+
+def test_a_folder_that_is_no_bag_is_named(tmp_path):
+    with pytest.raises(LogError, match=r"folder without metadata\.yaml"):
+        read_log(tmp_path)
+
+
 def test_a_tree_that_does_not_know_the_map_says_what_it_knows(tmp_path):
     with bag(tmp_path, 2) as out:
         out.mount()

@@ -7,13 +7,15 @@ import pytest
 from foresee_navigator.pilot import Mode, Pilot
 from foresee_navigator.report import Circumstances, Severity, report_on
 from foresee_navigator.settings import SimulatorSettings
-from foresee_navigator.simulated_robot import STEP, SimulatedRobot
+from foresee_navigator.simulated_robot import STEP, SimulatedRobot, task_for
+from scipy.ndimage import binary_dilation
 
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
-from foresee.mapping.grid import FREE
+from foresee.mapping.grid import FREE, UNKNOWN, Grid
 from planner.navigator_config import NavigatorConfig
-from sim import DubinsCar, Lidar, LidarConfig, Task, empty_straight
+from sim import DubinsCar, Lidar, LidarConfig, Task, empty_straight, save_world
+from sim.world import World
 
 CAR = CarLimits(v_max=2.0)
 WORLD, LIDAR = empty_straight(20.0, 4.0), Lidar(LidarConfig(beams=271))
@@ -165,6 +167,10 @@ def test_a_car_that_rolls_when_its_map_begins_stops_first():
     action = driver.act(rolling, LIDAR.scan(WORLD, rolling))
     assert (action.mode, action.speed) == (Mode.STOPPED, pytest.approx(0.85))
     assert report_on(action, Circumstances()).message == "stops: it rolled when the map began"
+    # The space around it counts as free where it stands.
+    assert driver.known is None
+    standing = np.array([3.4, 2.5, 0.0, 0.0])
+    assert driver.act(standing, LIDAR.scan(WORLD, standing)).mode is Mode.DRIVING
 
 
 def test_after_a_leap_the_map_is_new_and_the_goal_stays():
@@ -176,6 +182,16 @@ def test_after_a_leap_the_map_is_new_and_the_goal_stays():
     assert driver.act(there, LIDAR.scan(WORLD, there)).mode is Mode.DRIVING
     rows, cols = driver.known.frame.cell(3.0, 2.5)
     assert driver.known.cells[rows, cols] != FREE
+
+
+def test_the_simulator_seals_the_map_that_it_reads(tmp_path):
+    # One unknown cell before each wall, as robots map it.
+    grid = WORLD.grid
+    cells = np.where(binary_dilation(grid.occupied) & grid.free, UNKNOWN, grid.cells)
+    save_world(World("slivers", Grid(grid.frame, cells.astype(np.int8))), tmp_path / "map.yaml")
+    settings = SimulatorSettings(world=str(tmp_path / "map.yaml"), seed=1, length=8.0)
+    task = task_for(settings)
+    assert np.isfinite(LIDAR.scan(task.world, task.start).ranges).any()
 
 
 def test_a_goal_that_is_not_finite_is_refused():

@@ -53,3 +53,25 @@ def test_a_signal_in_a_tick_ends_the_node_after_it(name, tmp_path):
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines() == ["the tick ended", "and the node"]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"), [("v_max:=-1.0", "v_max"), ("predictor:=nope", "no predictor is named")]
+)
+def test_a_parameter_that_cannot_be_used_is_told_in_a_line(given, message, tmp_path):
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(sys.path),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": str(tmp_path),
+    }
+    node = [sys.executable, "-m", "foresee_navigator.navigator_node"]
+    done = subprocess.run(
+        [*node, "--ros-args", "-p", given],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert message in line

@@ -43,6 +43,9 @@ NAME = "foresee_navigator"
 class NavigatorNode(Node):
     """Turns scans and poses into commands, once a tick."""
 
+    _is_made = False
+    """Whether the node has been made; settings that cannot be used end it before."""
+
     def __init__(self) -> None:
         super().__init__(NAME)
         self._settings = settings = declared(self, NavigatorSettings)
@@ -55,6 +58,8 @@ class NavigatorNode(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._frames = Frames(self)
         self._map_frame = settings.map_frame
+        self._early_goal: PoseStamped | None = None
+        """Goal that came before the frame of the map was known."""
         took = warm_up(settings, predictor)
         self._searches = SearchProcess()
         self._pilot = Pilot(
@@ -82,11 +87,13 @@ class NavigatorNode(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(TICK, self._tick_if_none, clock=steady)
         self.get_logger().info(f"ready: warmed up in {took:.1f} s")
+        self._is_made = True
 
     def destroy_node(self) -> None:
         """Stop the robot, and end the node."""
-        self._reins.halt(self.get_clock().now().to_msg())
-        self._searches.shutdown()
+        if self._is_made:
+            self._reins.halt(self.get_clock().now().to_msg())
+            self._searches.shutdown()
         super().destroy_node()
 
     @property
@@ -101,6 +108,9 @@ class NavigatorNode(Node):
     def _take_odometry(self, message: Odometry) -> None:
         frame = message.header.frame_id
         self._map_frame = self._map_frame or frame
+        if self._early_goal is not None:
+            goal, self._early_goal = self._early_goal, None
+            self._take_goal(goal)
         try:
             motion = motion_of(message, self._frames.pose(frame, self._map_frame))
         except FrameError as error:
@@ -115,11 +125,15 @@ class NavigatorNode(Node):
             self._begin_anew(why)
 
     def _take_goal(self, message: PoseStamped) -> None:
+        if not self._map_frame:
+            # The first odometry tells it.
+            self._early_goal = message
+            return
         at = message.pose.position
         pose = (float(at.x), float(at.y), yaw_of(message.pose.orientation))
         frame = message.header.frame_id or self._map_frame
         try:
-            x, y, _ = composed(self._frames.pose(frame, self._map_frame or frame), pose)
+            x, y, _ = composed(self._frames.pose(frame, self._map_frame), pose)
             is_new = self._pilot.head_for((x, y))
         except (FrameError, ValueError) as error:
             self.get_logger().error(f"goal refused: {error}")

@@ -130,16 +130,17 @@ class Pilot:
         """
         if abs(float(state[3])) <= RESTS:
             state = np.array([*state[:3], 0.0])
-        if self.known is None:
+        rolls = self._navigator is None and abs(float(state[3])) > STANDS
+        if self.known is None and not rolls:
             self.known = new_map(self._config, self._resolution, state)
         if self.goal is not None and math.dist(state[:2], self.goal) <= self._goal_radius:
             self._has_reached = True
         self._decides = False
-        rolls = self._navigator is None and abs(float(state[3])) > STANDS
         if rolls and self._sent.speed == 0.0:
             self._sent = TwistCommand(float(state[3]), 0.0)
-        if self.goal is None or self._has_reached or rolls:
-            bad = not observe(self.known, scan, state, self._config)
+        if self.known is None or self.goal is None or self._has_reached or rolls:
+            # A new map begins where the car stands: what is free around it is known only there.
+            bad = self.known is not None and not observe(self.known, scan, state, self._config)
             mode = Mode.REACHED if self._has_reached else Mode.WAITING
             twist = self._slowed()
             return self._action(Mode.STOPPED if rolls else mode, twist, bad_scan=bad)

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from foresee.mapping.control import Control
 from foresee.mapping.conventions import GOAL_RADIUS
-from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.scan import Scan
 from foresee_navigator.settings import SimulatorSettings
-from sim import DubinsCar, Lidar, Task, generate, load_world, sample_task
+from sim import DubinsCar, Lidar, Task, sample_task
+from sim.buildings import building
 
 STEP = 0.02
 """Length of a step of the motion [s]."""
@@ -27,8 +27,7 @@ def task_for(settings: SimulatorSettings) -> Task:
         MapError: if the file of the map cannot be read.
         NoTaskError: if the building has no way of that length.
     """
-    is_family = settings.world in FAMILIES
-    world = generate(settings.world, settings.seed) if is_family else load_world(settings.world)
+    world = building(settings.world, settings.seed)
     longest = LONGEST_WAY * settings.length
     return sample_task(world, settings.seed, settings.car, settings.length, longest)
 
