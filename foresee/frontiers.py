@@ -50,6 +50,8 @@ class FrontierPredictor(Protocol):
             frontiers: frontiers of this map; at least one.
 
         If it raises an exception, or if its values are out of range, the route is planned without
-        it. It is called in the planner's thread, without a deadline: it must not block.
+        it. It is called where the path searches run, without a deadline: it must not block. With an
+        executor of other processes, such as `planner.guide.search_process.SearchProcess`, it is
+        pickled and sent there.
         """
         ...

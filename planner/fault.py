@@ -21,6 +21,8 @@ class Fault(StrEnum):
     """No last resort remains after the first step."""
     OPEN_LOOP = "open_loop"
     """No plan from the estimated state is safe; the one that was kept still is."""
+    ROLLS_BACK = "rolls_back"
+    """The car rolls against its gear."""
     MISSED_TICK = "missed_tick"
     """There was no decision in time."""
     PATH_FAILED = "path_failed"

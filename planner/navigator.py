@@ -67,7 +67,8 @@ class Navigator:
             the end of `step`, so that drives do not depend on any clock.
 
     Raises:
-        ValueError: if there are waypoints of another shape, or none at all.
+        ValueError: if there are waypoints of another shape, or none at all, or if start, goal or a
+                waypoint is not finite.
     """
 
     @usual_float_errors()
@@ -87,6 +88,9 @@ class Navigator:
             waypoints.ndim == 2 and waypoints.shape[1] == 2 and waypoints.size
         ):
             raise ValueError(f"waypoints are of shape {waypoints.shape}, not (n, 2) with n > 0")
+        for name, value in ("start", start), ("goal", goal), ("waypoints", waypoints):
+            if value is not None and not np.isfinite(value).all():
+                raise ValueError(f"{name} is {value}, it must be finite")
         self.config, self.goal, self.known = config, goal, known
         car, bounds = config.car, config.bounds
         self._choosers = {1: PlanChooser(car, config.mpc, goal, config.window, bounds)}
@@ -170,6 +174,7 @@ class Navigator:
         if self.guide.gear < 0:
             tube = tube.mirrored()
         driven = ahead if self.guide.gear > 0 else mirrored(ahead)
+        rolls_back = min(self.guide.gear * float(state[3]), driven[3]) < -REST
         driven = np.array([*driven[:3], max(driven[3], 0.0)])
         risk = self._risk_map(driven, prediction)
         clock.lap("risk")
@@ -186,7 +191,12 @@ class Navigator:
         turn, failed = self.guide.turn_rate(state, risk)
         faults += failed
         afresh = self._tick % FRESH_GUESS_TICKS == 0 or self.guide.is_new
-        if turn:
+        if rolls_back:
+            # Plans begin with a speed in the gear: none describes how the car moves.
+            faults.append(Fault.ROLLS_BACK)
+            self.chooser.forget()
+            turn, choice = 0.0, self.chooser.halt(driven)
+        elif turn:
             choice = self.chooser.stand(driven)
         elif waits:
             choice = self.chooser.halt(driven)
@@ -196,7 +206,7 @@ class Navigator:
         clock.lap("mpc")
         clock.total("cycle", first_path)
 
-        if turn or waits:
+        if turn or waits or rolls_back:
             self._rested = self._lingered = 0
         else:
             faults += self._plan_next_path(driven, choice.plan.states, risk, steering)
@@ -218,15 +228,18 @@ class Navigator:
             goal: x, y of the goal [m].
 
         Raises:
-            ValueError: if it is not finite.
+            ValueError: if it is not finite, or so far away that the map would need more than 10⁹
+                cells; the car then keeps the goal that it had.
         """
         if not all(map(math.isfinite, goal)):
             raise ValueError(f"goal is {goal}, it must be finite")
+        self.known.cover(self.known.frame.square(*goal, self.config.window))
         self.goal = goal
+        # That the car rests, at a goal it could not reach, does not mean that it is stuck.
+        self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         for chooser in self._choosers.values():
             chooser.goal = goal
         self.guide, self._is_anew = self.guide.towards(goal), True
-        self.known.cover(self.known.frame.square(*goal, self.config.window))
 
     def skip(self) -> Decision:
         """Go on without a decision: in a tick without a scan, or whose decision comes too late.

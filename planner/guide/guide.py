@@ -27,6 +27,8 @@ from planner.risk.risk_map import RiskMap
 
 BACK_LENGTH = 4.0
 """Length of the way by whose direction a path leads back or not [m]."""
+SAME_PLACE = 0.01
+"""Distance below which two places where the car got stuck are one [m]."""
 
 
 class Guide:
@@ -278,7 +280,10 @@ class Guide:
             # The car reverses again. It may change its gear only where it stands.
             return found.faults
         if request.recovers and (found.legs is not None or found.turn_to is not None):
-            self._stuck = np.vstack([self._stuck, front(request.state, self.car)])
+            place = front(request.state, self.car)
+            # Each search pays for each of them, and a car that stays stuck asks again and again.
+            if not (np.hypot(*(self._stuck - place).T) < SAME_PLACE).any():
+                self._stuck = np.vstack([self._stuck, place])
         if found.turn_to is not None:
             self.turn_to, self.gear, self.on_leg = found.turn_to, 1, False
             self._turn_ticks = None

@@ -289,7 +289,7 @@ class PathSearch:
         seed, search = self.seed * 100_003 + request.tick, self.config.search
         # The last try uses the car's tightest turns.
         tries = [(ahead, search) for ahead in self.config.ahead]
-        tries.append((self.config.ahead[-2], replace(search, slack=1.01)))
+        tries.append((self.config.ahead[-2:][0], replace(search, slack=1.01)))
         for ahead, settings in tries:
             path = plan_path(cost, request.risk, pose, route, ahead, self.car, settings, seed)
             if path is not None:

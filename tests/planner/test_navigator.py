@@ -455,6 +455,56 @@ def test_a_new_goal_that_is_not_finite_is_refused(goal):
         navigator(straight()).head_for(goal)
 
 
+def test_a_refused_goal_leaves_the_goal_that_the_car_has():
+    task = straight()
+    driver = navigator(task)
+    guide = driver.guide
+    with pytest.raises(ValueError, match="is the pose in the frame"):
+        driver.head_for((1e7, 1e7))
+    assert (driver.goal, driver.guide) == (task.goal, guide)
+
+
+@pytest.mark.parametrize("speed", [-0.02, -0.5])
+@pytest.mark.parametrize("bounds", [ErrorBounds(), ErrorBounds(delay=0.1, position=0.02)])
+def test_a_car_that_rolls_against_its_gear_brakes_and_then_drives_on(speed, bounds):
+    car = CarLimits(reverse=1.0)
+    frame = GridFrame(0.05, (-10.0, -10.0), (400, 400))
+    known = OccupancyGrid(frame, 5.0)
+    known.log_odds[:] = LOWEST
+    row, column = frame.cell(-2.0, 0.0)
+    known.log_odds[row - 40 : row + 40, column - 3 : column] = HIGHEST
+    nav = Navigator(NavigatorConfig(car=car, bounds=bounds), None, np.zeros(3), (8.0, 0.0), known)
+    nothing = Scan(np.full(360, np.nan), -math.pi, math.pi / 180, 12.0)
+    state, states = np.array([0.0, 0.0, 0.0, speed]), []
+    for _ in range(20):
+        decision = nav.step(state, nothing)
+        if state[3] < -REST:
+            assert Fault.ROLLS_BACK in decision.faults
+            assert decision.control.acceleration == -car.braking
+        state = DubinsCar(car).step(state, decision.control, 0.1)
+        states.append(state)
+    assert min(state[0] for state in states) > -0.2
+    assert states[-1][3] > 1.0
+
+
+def test_one_place_where_the_car_is_stuck_is_kept_once():
+    nav = navigator(straight())
+    state = np.array([0.5, 0.0, 0.0, 0.0])
+    for _ in range(3):
+        risk = nav._risk_map(state, None)
+        nav.guide.unstick(0, state, nav.known, risk, None, 0.0)
+    assert len(nav.guide._stuck) == 1
+
+
+@pytest.mark.parametrize("given", ["start", "goal", "waypoints"])
+def test_a_drive_that_is_not_finite_is_refused(given):
+    places = {"start": np.zeros(3), "goal": (1.0, 0.0), "waypoints": np.ones((1, 2))}
+    places[given] = np.full_like(np.asarray(places[given], dtype=float), np.nan)
+    known = OccupancyGrid(GridFrame(0.05, (-1.0, -1.0), (40, 40)), 5.0)
+    with pytest.raises(ValueError, match=f"{given} is .*, it must be finite"):
+        Navigator(NavigatorConfig(), None, known=known, **places)
+
+
 def test_the_same_drive_twice_is_the_same_drive():
     task = sample_task(generate("narrow", 2), 2)
     config = EpisodeConfig(timeout=0.2)
