@@ -55,15 +55,15 @@ class SearchProcess(Executor):
             self._pools[0] = _new_pool()
             self._loaded = self._load()
             future = self._pools[0].submit(_call, pickled)
-        watch = Timer(LONGEST, _kill_if_stuck, (future, self._loaded))
+        watch = Timer(LONGEST, _kill_if_stuck, (future, self._loaded, self._pools[0]))
         watch.daemon = True
         watch.start()
         future.add_done_callback(lambda _: watch.cancel())
         return future
 
-    def _load(self) -> Future[int]:
-        """Let the process import what a search needs; its number follows when it has."""
-        loaded: Future[int] = self._pools[0].submit(_load)
+    def _load(self) -> Future[None]:
+        """Let the process import what a search needs."""
+        loaded: Future[None] = self._pools[0].submit(_load)
         return loaded
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -92,15 +92,16 @@ def _call(pickled: bytes) -> Any:
     return call(*args, **kwargs)
 
 
-def _load() -> int:
-    """Import what a search needs, and return the number of the process."""
+def _load() -> None:
+    """Import what a search needs."""
     for name in ("ompl.base", "planner.guide.path_search"):
         importlib.import_module(name)
-    return os.getpid()
 
 
-def _kill_if_stuck(search: Future[Any], loaded: Future[int]) -> None:
+def _kill_if_stuck(search: Future[Any], loaded: Future[None], pool: Any) -> None:
     """Kill the process of a search that has not ended, so that it fails."""
-    if not search.done() and loaded.done() and loaded.exception() is None:
-        with contextlib.suppress(OSError):
-            os.kill(loaded.result(), signal.SIGKILL)
+    if not search.done() and loaded.done():
+        # The present process: the pool replaces one that has grown.
+        for number in tuple(pool._processes):
+            with contextlib.suppress(OSError):
+                os.kill(number, signal.SIGKILL)
