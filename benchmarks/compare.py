@@ -7,7 +7,7 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.calibration.certificate import at_risk
+from benchmarks.calibration.certificate import at_risk, refuse_without_risk
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.runs.drive import drive as drive_episode
 from benchmarks.runs.saved_run import Run
@@ -46,11 +46,13 @@ def drive(
 
     Raises:
         MapError: if `world` is a string that names neither a family nor a readable map file.
-        NoTaskError: if the building has no route of 10 m or more, or none from `start` to `goal`.
+        NoTaskError: if the building has no route of 10 m or more, or none from `start` to `goal`;
+            if a drawn route is to be prescribed (`route="fixed"`), but passes a place twice.
         TaskFileError: if `start` or `goal` is not free.
         PredictorError: if the predictor cannot be loaded.
         CarFileError: if `car` cannot be read.
-        UsageError: if a setting cannot be used, or no shipped calibration is for these drives.
+        UsageError: if a setting cannot be used, or no shipped calibration is for these drives; if
+            `calibration` or `uncertified` is given without a `risk` above 0.
         CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
     unknown = settings.keys() - {field.name for field in fields(Settings)}
@@ -62,6 +64,7 @@ def drive(
     chosen = Settings.with_defaults(world=(name,), seed=seed, episodes=1, **settings)
     if chosen.tasks is not None:
         raise UsageError("tasks: a file of tasks is driven by the command foresee corridor")
+    refuse_without_risk((chosen.risk,), calibration, chosen.uncertified)
     if isinstance(world, str):
         chosen = at_risk(chosen, calibration)
     elif chosen.risk > 0:

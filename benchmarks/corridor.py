@@ -72,9 +72,9 @@ class Place(Options):
     baselines: Path | None = option(
         None,
         "folder of an earlier run with another --predictor, --reliance, --risk or --expansion: "
-        "drives that would be the same (those of known, optimistic and full; of oracle if reliance "
-        "and expansion are the same) "
-        "are copied from there",
+        "drives that would be the same are copied from there (those of known, optimistic and "
+        "full; if the expansion is the same, also of backup and known+truth10, 20 and 40; if "
+        "expansion and reliance are the same, also of perfect and oracle)",
         "DIR",
     )
     optimum: Path | None = option(

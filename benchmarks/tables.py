@@ -5,8 +5,10 @@ foresee tables docs/results/*.json
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,7 +64,7 @@ def _run(settings: TableSettings) -> None:
     from benchmarks.calibration.together import together
     from benchmarks.runs.overview import overview, reliances, scores
 
-    files = [(path.stem, _read(path)) for path in settings.files]
+    files = [(name, _read(path)) for path, name in _names(settings.files).items()]
     relied = {
         name: of
         for name, of in files
@@ -87,6 +89,29 @@ def _run(settings: TableSettings) -> None:
         if len(runs) > 1:
             parts.insert(0, f"## Overview\n\n{overview(runs)}\n")
     print("\n".join(parts), end="")
+
+
+def _names(paths: Iterable[Path]) -> dict[Path, str]:
+    """Return a name for each file: its stem, with its folder or whole path if two would be equal.
+
+    A file that is given twice is named once.
+    """
+    once = dict[str, Path]()
+    for path in paths:
+        once.setdefault(os.path.realpath(path), path)
+    files = once.values()
+    stems = Counter(path.stem for path in files)
+    places = Counter(_in_folder(path) for path in files)
+    names = {}
+    for path in files:
+        names[path] = path.stem
+        if stems[path.stem] > 1:
+            names[path] = _in_folder(path) if places[_in_folder(path)] == 1 else str(path)
+    return names
+
+
+def _in_folder(path: Path) -> str:
+    return f"{path.absolute().parent.name}/{path.stem}"
 
 
 def _read(path: Path) -> dict[str, Any]:

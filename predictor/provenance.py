@@ -36,11 +36,16 @@ def weights_fingerprint(predictor: Any) -> str | None:
         raise WeightsError(f"weights {weights} cannot be read: {one_line(error)}") from error
 
 
-def has_learned(predictor: Any, cells: NDArray[np.int8]) -> bool:
-    """Return whether a predictor was trained or validated on a building, according to its facts."""
-    facts, building = _facts(predictor), world_hash(cells)
+def has_learned(predictor: Any, *buildings: NDArray[np.int8]) -> bool:
+    """Return whether a predictor was trained or validated on a building, according to its facts.
+
+    Args:
+        predictor: predictor or driver.
+        buildings: cells of the building's map, in each form in which it may have been learned.
+    """
+    facts, hashes = _facts(predictor), {world_hash(cells) for cells in buildings}
     worlds = [facts.get(name) for name in ("worlds", "validation_worlds")]
-    return any(building in these for these in worlds if isinstance(these, Collection))
+    return any(not hashes.isdisjoint(these) for these in worlds if isinstance(these, Collection))
 
 
 def _facts(predictor: Any) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from contextlib import suppress
 from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.errors import LineError, one_line
@@ -18,8 +18,6 @@ from predictor.weights import SUFFIX, WeightsError, read_facts
 
 # Modules that run networks are imported where one is made: PyTorch takes seconds to import, which
 # the processes of drives without a network save.
-if TYPE_CHECKING:
-    pass
 
 GROUP = "foresee.predictors"
 """Entry point group in which a package offers predictors."""

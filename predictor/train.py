@@ -196,7 +196,7 @@ def _train_on_samples(
     from predictor.recording.training_drives import make
     from predictor.training.compact_comparison import table
     from predictor.training.compact_training import CompactTrainer
-    from predictor.training.kinds_training import train_layer
+    from predictor.training.kinds_training import check_start, train_layer
     from predictor.weights import WeightsError, load_weights, weights_path
 
     is_layer = settings.arch == "kinds"
@@ -223,6 +223,9 @@ def _train_on_samples(
         drives = replace(drives, out=TUNED[0], train=count, validation=held_out)
         if (out / WEIGHTS).resolve() == source.resolve():
             raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
+    if start is not None and is_layer:
+        # Checked now, too, before hours of drives.
+        check_start(start[0], out / WEIGHTS)
     numbers = given(out=settings.data, train=compact.train, validation=compact.validation)
     drives = replace(drives, **numbers)
     # Made now, so that an unusable folder is reported before hours of drives.

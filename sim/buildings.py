@@ -5,10 +5,15 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from foresee.infra.command_line import UsageError
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import Grid, world_hash
+from foresee.mapping.resampling import resampled
 from sim.families import generate
 from sim.map_server import load_world
 from sim.task import NoTaskError, Task, sample_task
@@ -83,6 +88,18 @@ def building(place: str, seed: int) -> World:
         seed: seed of a generated building.
     """
     return generate(place, seed) if place in FAMILIES else sealed(load_world(place))
+
+
+def learned_forms(world: World) -> list[NDArray[np.int8]]:
+    """Return the cells of a building as it is driven in, and as trainings resample it.
+
+    They differ if its cells are not of 0.05 m.
+    """
+    forms, resolution = [world.grid.cells], world.grid.frame.resolution
+    if abs(resolution / RESOLUTION - 1.0) > 1e-6:
+        grid = resampled(world.grid, RESOLUTION)[0]
+        forms.append(sealed(World(world.name, grid)).grid.cells)
+    return forms
 
 
 def task_in(place: str, seed: int) -> Task:

@@ -102,7 +102,7 @@ class Actuators:
         self._acceleration = acting.acceleration + off[0] * left
         self._curvature = acting.curvature + off[1] * left
         a, kappa = acting.acceleration + off[0] * mean, acting.curvature + off[1] * mean
-        return Control(a, kappa, acting.gear)
+        return Control(a, kappa, acting.gear, acting.turn_rate)
 
 
 class PoseEstimate:

@@ -187,6 +187,23 @@ def at_risk(
     )
 
 
+def refuse_without_risk(
+    risks: Sequence[float], calibration: Path | None, uncertified: bool
+) -> None:
+    """Refuse what is only for drives at a risk, if there are none.
+
+    Raises:
+        UsageError: if a calibration is named or the drives are `uncertified`, and no risk is
+            above 0.
+    """
+    if any(risk > 0 for risk in risks):
+        return
+    if calibration is not None:
+        raise UsageError("--calibration needs a --risk above 0")
+    if uncertified:
+        raise UsageError("--uncertified needs a --risk above 0")
+
+
 def arms_at(
     settings: Settings, risks: Sequence[float], calibration: Path | None = None
 ) -> dict[str, Settings]:
@@ -201,9 +218,11 @@ def arms_at(
         calibration: as in `at_risk`.
 
     Raises:
-        UsageError: as `at_risk`.
+        UsageError: as `at_risk`; if a calibration is named or the settings are `uncertified`, and
+            no risk is above 0.
         CalibrationError: as `at_risk`.
     """
+    refuse_without_risk(risks, calibration, settings.uncertified)
     plain = replace(settings, risk=0.0, uncertified=False)
     arms = dict.fromkeys(settings.arms, plain)
     at_risks = {arm_at(r): at_risk(replace(settings, risk=r), calibration) for r in risks}

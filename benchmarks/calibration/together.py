@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from benchmarks.calibration.learn_then_test import table
 from benchmarks.runs.statistics import wilson
 from foresee.infra.markdown import DASH, records
 from foresee.mapping.family_names import FAMILIES
+from planner.revision import FIRST
 from planner.risk.betting import capital, needed
 
 Content = dict[str, Any]
@@ -24,16 +25,22 @@ def together(calibrations: Mapping[str, Content]) -> str:
 
     Args:
         calibrations: name → contents of calibration.json. Calibrations of the same conditions are
-            pooled. Those that differ in their buildings alone get a joint certificate.
+            pooled, unless their drives may be in the same buildings: then a line says so. Those
+            that differ in their buildings alone get a joint certificate.
     """
     parts = []
-    names = sorted(calibrations, key=lambda name: (_without_buildings(calibrations[name]), name))
-    for _, alike in groupby(names, key=lambda name: _without_buildings(calibrations[name])):
+    names = sorted(calibrations, key=lambda name: (_alike(calibrations[name]), name))
+    for _, alike in groupby(names, key=lambda name: _alike(calibrations[name])):
         by_buildings: dict[tuple[str, ...], list[str]] = {}
         for name in alike:
             by_buildings.setdefault(_buildings(calibrations[name]), []).append(name)
-        for same in by_buildings.values():
-            if len(same) > 1:
+        for where, same in [*by_buildings.items()]:
+            why = _dependent({name: calibrations[name] for name in same})
+            if why:
+                parts.append(f"No pool of {', '.join(same)}: {why}.")
+                # Nor is there a joint certificate: none of these is the calibration of its family.
+                del by_buildings[where]
+            elif len(same) > 1:
                 pool = pooled([calibrations[name] for name in same])
                 parts.append(f"Pool of {', '.join(same)}:\n\n{table(pool)}")
         single = {where[0]: of for where, of in by_buildings.items() if len(where) == 1}
@@ -48,7 +55,8 @@ def together(calibrations: Mapping[str, Content]) -> str:
 def pooled(contents: Sequence[Content]) -> Content:
     """Return the calibration that the drives of several calibrations make, one after the other.
 
-    All of them must have been made for the same conditions, in different buildings. The gambler of
+    All of them must have been made for the same conditions with the same revision of the planner,
+    and their drives with other seeds: dependent drives would count twice. The gambler of
     a level goes on betting with the capital that the earlier calibration left. It depends on the
     numbers of drives and collisions, not on their order.
 
@@ -163,10 +171,32 @@ def _buildings(content: Content) -> tuple[str, ...]:
     return tuple(sorted(content["conditions"]["world"]))
 
 
-def _without_buildings(content: Content) -> str:
-    """Return the conditions of a calibration apart from its buildings, as text."""
+def _alike(content: Content) -> str:
+    """Return the revision and the conditions of a calibration without its buildings, as text."""
     conditions = absent_in(content["conditions"]) | content["conditions"]
-    return str(sorted((name, str(of)) for name, of in conditions.items() if name != "world"))
+    kept = sorted((name, str(of)) for name, of in conditions.items() if name != "world")
+    return str((content.get("revision", FIRST), kept))
+
+
+def _dependent(contents: Mapping[str, Content]) -> str:
+    """Return why calibrations in the same kinds of buildings are not pooled; "" if they may be."""
+    if len(contents) < 2:
+        return ""
+    unknown = [name for name, content in contents.items() if content.get("seed") is None]
+    if unknown:
+        return f"{', '.join(unknown)} does not name its seed, so that buildings may be the same"
+    ranges = []
+    for name, content in contents.items():
+        drives = max((test["drives"] for test in content["levels"]), default=0)
+        ranges.append((content["seed"], content["seed"] + drives, name))
+    ranges.sort()
+    for (_, end, first), (start, _, second) in pairwise(ranges):
+        if start < end:
+            return (
+                f"drives of {first} and of {second} have the same seeds, from {start}; "
+                "the drives of a pool must be independent"
+            )
+    return ""
 
 
 def _number(level: float | None) -> str:

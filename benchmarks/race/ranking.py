@@ -211,13 +211,16 @@ def _remark(entrant: Entrant, learned: int) -> str:
     """
     entry = entrant.settings["entry"]
     arm = ARMS.get(str(entry.get("of"))) if entry.get("kind") == "arm" else None
+    said = []
     if arm is not None and (arm.whole_map or arm.predictor == "oracle"):
-        return " (knows the true map)"
+        said.append("knows the true map")
     if any(drive.uncertified for drive in entrant.drives):
-        return " (not certified)"
+        said.append("not certified")
     if any(drive.earlier_calibration for drive in entrant.drives):
-        return " (calibrated with an earlier planner)"
-    return f" (trained in {learned} of these buildings)" if learned else ""
+        said.append("calibrated with an earlier planner")
+    if learned:
+        said.append(f"trained in {learned} of these buildings")
+    return f" ({', '.join(said)})" if said else ""
 
 
 def _duel(arms: ResultsByArm, first: str, second: str) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Any
 from benchmarks.runs.arms import CALIBRATED_ARM, arm_kind, arm_risk
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
+from foresee.mapping.car_file import CarFile, CarFileError
 
 CHANGE_DEFAULTS = ("car", "start", "goal")
 """Settings that change the defaults of others; they have none themselves."""
@@ -22,14 +23,20 @@ def command_of(run: Run) -> str:
     A run does not name the files of `--calibration` and `--optimum`, so that they are not in it.
     """
     saved = {k: tuple(v) if isinstance(v, list) else v for k, v in run.settings.items()}
-    defaults = Settings.with_defaults(**{name: saved.get(name) for name in CHANGE_DEFAULTS})
+    given, of_car = {name: saved.get(name) for name in CHANGE_DEFAULTS}, set[str]()
+    try:
+        defaults = Settings.with_defaults(**given)
+    except CarFileError:
+        # The file is out of reach, and so are the defaults that it gives: the command names all.
+        defaults = Settings.with_defaults(**given | {"car": None})
+        of_car = {"vehicle", *(field.name for field in fields(CarFile))}
     arms = saved.get("arms", run.arms)
     words = ["foresee", "corridor", "--arms", ",".join(dict.fromkeys(map(arm_kind, arms)))]
     for field in fields(Settings):
         name, value = field.name, saved.get(field.name)
         default = None if name in CHANGE_DEFAULTS else getattr(defaults, name)
         is_option = "help" in field.metadata and name not in NAMED_BY_ARMS
-        if is_option and value is not None and value != default:
+        if is_option and value is not None and (value != default or name in of_car):
             words += [f"--{name.replace('_', '-')}", *_words(value)]
     risks = [arm_risk(arm) for arm in arms if arm_kind(arm) == CALIBRATED_ARM]
     if any(risks):

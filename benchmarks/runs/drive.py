@@ -38,6 +38,7 @@ from planner.risk.predictor_process import PredictorProcess
 from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import fingerprint_of, load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
+from sim.buildings import learned_forms
 from sim.episode import Episode, EpisodeConfig, Outcome, run_episode
 from sim.errors import Errors, Robot
 from sim.task import NoTaskError, Task
@@ -205,7 +206,9 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         task,
         episode,
         trace,
-        learned=any(has_learned(part, task.world.grid.cells) for part in (predictor, frontiers)),
+        learned=any(
+            has_learned(part, *learned_forms(task.world)) for part in (predictor, frontiers)
+        ),
         level=settings.level if arm.takes_risk else None,
         calibrated=settings.calibrated if at_risk else None,
         uncertified=settings.uncertified and at_risk,

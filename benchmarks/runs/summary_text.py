@@ -8,6 +8,7 @@ from typing import Any
 from benchmarks.runs.arms import arm_kind
 from benchmarks.runs.settings import up_to_date
 from foresee.infra.markdown import figure, interval, markdown, span
+from foresee.statistics import MIN_GROUPS
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
 """Sources of the paths that were followed, as in `planner.motion.path.Path.source`."""
@@ -132,7 +133,8 @@ def in_words(summary: dict[str, Any]) -> str:
             "Times, where that of `known`, which plans within what it observed, is 1: "
             f"{', '.join(times)}."
         )
-    if any(ratio["low"] is None for ratio in compared.values()):
+    # With more buildings, an interval is missing only where all of them agree.
+    if any(ratio["groups"] < MIN_GROUPS for ratio in compared.values()):
         said.append("These are too few buildings for intervals.")
     collided = [
         f"`{arm}` collided in {entry['collided']} of {entry['episodes']} drives."

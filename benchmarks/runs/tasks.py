@@ -37,10 +37,7 @@ def make_task(settings: Settings, index: int) -> Task:
         TaskFileError: if the tasks are given, and their file is broken, or a start or a goal is not
             free.
     """
-    task = _task(_episode_source(settings, index))
-    if settings.route == "fixed" and settings.draws_tasks and task.comes_back:
-        raise NoTaskError(f"{task.world.name}: the route passes a place twice")
-    return task
+    return _prescribable(_task(_episode_source(settings, index)), settings)
 
 
 def make_task_in(world: World, settings: Settings) -> Task:
@@ -51,13 +48,21 @@ def make_task_in(world: World, settings: Settings) -> Task:
         settings: settings of the comparison, of which the seed is that of the task.
 
     Raises:
-        NoTaskError: if the building has no route of at least 10 m, or the given task no route.
+        NoTaskError: if the building has no route of at least 10 m, or the given task no route; or
+            if a drawn route is to be prescribed, but passes a place twice.
         TaskFileError: if the given start or goal is not free.
     """
     given, car = _start_to_goal(settings), limits_for(settings)
     if given is None:
-        return task_in_world(world, settings.seed, car)
+        return _prescribable(task_in_world(world, settings.seed, car), settings)
     return _given_task(world, settings.seed, given, car)
+
+
+def _prescribable(task: Task, settings: Settings) -> Task:
+    """Return a task, unless its drawn route is to be prescribed, but passes a place twice."""
+    if settings.route == "fixed" and settings.draws_tasks and task.comes_back:
+        raise NoTaskError(f"{task.world.name}: the route passes a place twice")
+    return task
 
 
 class _Source(NamedTuple):

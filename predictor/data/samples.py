@@ -93,6 +93,23 @@ class Samples(PackedSamples):
             raise SamplesError(f"sample {index} is damaged: it holds codes above 8")
         return codes
 
+    def stacked(self, chosen: NDArray[np.integer[Any]], most: int) -> NDArray[np.uint8]:
+        """Return the bytes of some samples, (n, SIZE).
+
+        Args:
+            chosen: numbers of the samples, (n,).
+            most: largest value that a byte may have; codes may be 8 at most.
+
+        Raises:
+            SamplesError: if one is damaged.
+        """
+        data = super().stacked(chosen, most)
+        for index, codes in zip(chosen, data[:, : SIDE**2], strict=True):
+            # Higher codes would be indices beyond the tables of the training.
+            if codes.max() > 8:
+                raise SamplesError(f"sample {index} is damaged: it holds codes above 8")
+        return data
+
     @staticmethod
     def parts(data: Bytes) -> tuple[Bytes, Bytes]:
         """Return the codes and the contexts of samples.

@@ -21,6 +21,7 @@ from foresee.infra.progress import progress
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import ResumableFolder
 from foresee.infra.workers import finished
+from foresee.mapping.family_names import FAMILIES
 from foresee.statistics import MIN_GROUPS
 from predictor.evaluation import scored_drive
 from predictor.evaluation.figures import draw_evaluation
@@ -34,8 +35,30 @@ from sim.buildings import map_hashes, sources
 
 def report_group(place: str) -> str:
     """Return the group in which a building is reported: its family, or the folder of its map."""
-    path = Path(place)
-    return path.resolve().parent.name if path.suffix else place
+    return report_groups([place])[place]
+
+
+def report_groups(places: list[str]) -> dict[str, str]:
+    """Return the group of each building: its family, or the shortest name of its map's folder.
+
+    That is the end of the folder's path by which it differs from other folders and from families.
+
+    Args:
+        places: families of buildings, and paths of map files.
+    """
+    folders = {p: Path(p).resolve().parent.parts for p in places if p not in FAMILIES}
+    names = {}
+    for place in places:
+        if place not in folders:
+            names[place] = place
+            continue
+        parts, others = folders[place], {*folders.values()} - {folders[place]}
+        for count in range(1, len(parts) + 1):
+            names[place] = str(Path(*parts[-count:]))
+            unique = all(parts[-count:] != other[-count:] for other in others)
+            if unique and names[place] not in FAMILIES:
+                break
+    return names
 
 
 class Group:
@@ -111,12 +134,13 @@ class DriveScores:
     def finish(self) -> dict[str, Any]:
         """Write results.json and the figures of all scored drives, and return the results."""
         groups: dict[str, Group] = {}
+        names = report_groups([place for place, _ in self.items])
         pictures: list[tuple[float, NDArray[Any]]] = []
         for item in self.items:
             part = self._read(item)
             if part is not None:
                 facts, arrays = part
-                group = groups.setdefault(report_group(item[0]), Group(score_rows(self.config)))
+                group = groups.setdefault(names[item[0]], Group(score_rows(self.config)))
                 group.add(facts, arrays)
                 errors = enumerate(facts.get("errors", ()))
                 pictures += [(error, arrays[f"picture/{i}"]) for i, error in errors]

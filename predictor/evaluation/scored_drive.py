@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
 
+from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import world_hash
 from foresee.prediction import Caller, View
 from planner.navigator import Navigator
@@ -22,7 +24,7 @@ from predictor.registry import load_predictor
 from predictor.scoring.images import ssim, ternary
 from predictor.scoring.scores import Scores, cell_rings
 from sim import DubinsCar, Lidar, LidarConfig
-from sim.buildings import task_in
+from sim.buildings import learned_forms, task_in
 from sim.episode import EpisodeConfig, run_episode
 from sim.task import NoTaskError, Task
 
@@ -51,12 +53,13 @@ def score_drive(
         BadPredictionError: if a predictor breaks its contract, or raises.
     """
     place, seed = item
-    square_of_a_car = np.ones((2 * ROOM_REACH + 1, 2 * ROOM_REACH + 1), dtype=bool)
     try:
         task = task_in(place, seed)
     except NoTaskError as error:
         return str(error)
     world, rng = task.world, np.random.default_rng(seed)
+    cells = cells_of_a_car(world.grid.frame.resolution)
+    square_of_a_car, reach = np.ones((cells, cells), dtype=bool), cells // 2
     predictors = {name: load_predictor(name) for name in config.predictors}
     callers = {name: Caller(predictor) for name, predictor in predictors.items()}
     scores = {name: Scores() for name in score_rows(config)}
@@ -71,8 +74,8 @@ def score_drive(
         ring = cell_rings(crop)
         free, occupied = world.truth(square)
         # Morphological opening; cells outside of the square count as free.
-        room = binary_opening(np.pad(free, ROOM_REACH, constant_values=True), square_of_a_car)
-        room = room[ROOM_REACH:-ROOM_REACH, ROOM_REACH:-ROOM_REACH]
+        room = binary_opening(np.pad(free, reach, constant_values=True), square_of_a_car)
+        room = room[reach : reach + len(free), reach : reach + len(free)]
         true_image = TERNARY[truth_codes(free, occupied)]
         blank = np.full(true_image.shape, 0.5)
         similar[BLANK].append(ssim(blank, true_image))
@@ -97,13 +100,20 @@ def score_drive(
     facts = {
         "world": world.name,
         "hash": world_hash(building),
-        "learned_by": [name for name, p in predictors.items() if has_learned(p, building)],
+        "learned_by": [
+            name for name, p in predictors.items() if has_learned(p, *learned_forms(world))
+        ],
         "moments": len(similar[BLANK]),
         "ssim": {k: float(np.mean(v)) for k, v in similar.items()},
         "ms": {k: float(np.median(v)) for k, v in taken.items()},
         "errors": [off for off, _ in shown],
     }
     return facts, arrays
+
+
+def cells_of_a_car(resolution: float) -> int:
+    """Return the side of a square as wide as the car, in cells of a resolution [m], rounded up."""
+    return math.ceil((2 * ROOM_REACH + 1) * RESOLUTION / resolution - 1e-6)
 
 
 def score_rows(config: EvaluateConfig) -> list[str]:

@@ -3,7 +3,7 @@
 - `settings`: settings and options of all recorded drives.
 - `own_buildings`: reads a user's own maps and logs.
 - `walk`: walks through buildings along the planner's routes.
-- `replay`: repeats a walk or drive with another LIDAR.
+- `rescan`: repeats a walk or drive with another LIDAR.
 - `simulated_log`: simulates the log of a robot.
 - `sample_set`: makes the files of samples in parallel, apart from other seeds.
 - `training_drives`: the samples of `predictor.drives` and `predictor.train`, made with these four

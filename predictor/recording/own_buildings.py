@@ -43,6 +43,14 @@ class Building:
     paths: tuple[str, ...]
     hashes: tuple[str, ...]
 
+    @property
+    def key(self) -> str:
+        """Hash of the whole building, of which the split is made."""
+        # One for each building: with the lowest of several, more would be held out.
+        if len(self.hashes) == 1:
+            return self.hashes[0]
+        return hashlib.sha256("".join(sorted(self.hashes)).encode()).hexdigest()
+
 
 @dataclass(frozen=True)
 class OwnBuildings:
@@ -64,8 +72,8 @@ class OwnBuildings:
 
         Each file counts as one building, except that all files in a subfolder of a given folder
         belong to one building. Files that cannot be read or driven in, and copies, are left out. A
-        building is held out if the first of its hashes lies below a threshold, so that the split
-        depends neither on names nor on other buildings. Of several buildings, however, at least one
+        building is held out if its hash lies below a threshold, so that the split depends neither
+        on names nor on other buildings. Of several buildings, however, at least one
         is held out, and at least one is not.
 
         Args:
@@ -95,8 +103,8 @@ class OwnBuildings:
                 buildings.append(Building(tuple(map(good.__getitem__, hashes)), tuple(hashes)))
         if names and not buildings:
             raise UsageError(f"--world: none of its files can be used: {'; '.join(skipped)}")
-        buildings.sort(key=lambda building: building.hashes[0])
-        held = sum(int(b.hashes[0][:8], 16) < HELD_OUT * 16**8 for b in buildings)
+        buildings.sort(key=lambda building: building.key)
+        held = sum(int(b.key[:8], 16) < HELD_OUT * 16**8 for b in buildings)
         held = min(max(held, 1), len(buildings) - 1) if buildings else 0
         return cls(tuple(buildings[held:]), tuple(buildings[:held]), tuple(skipped))
 

@@ -27,7 +27,7 @@ from planner.navigator import Navigator
 from planner.navigator_config import NavigatorConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
 from predictor.data.squares import truth_codes
-from predictor.recording.settings import SimulatedConfig
+from predictor.recording.settings import PER_SPLIT, SimulatedConfig
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.families import generate
 from sim.people import People
@@ -44,8 +44,6 @@ FIRST_MAP, FIRST_DRIVE = 700_000, 710_000
 PATH_EVERY = 40
 """Number of ticks from one path search to the next: 2 m at this speed. A search takes as long as
 ten ticks."""
-PER_SPLIT = 1_000
-"""Number of seeds of buildings for each split."""
 TRIES = 20
 """Number of seeds that are tried for each drive."""
 CIRCLES = 1.5, 40.0

@@ -24,6 +24,8 @@ LEARNED = (
 )
 """Families of generated buildings to train on by default. A family that is listed twice gets two
 shares of the drives. The other families are held out: no network is trained on them."""
+PER_SPLIT = 1_000
+"""Number of seeds of buildings for each split of the paper's simulated set."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +111,14 @@ class SimulatedConfig(Options):
         1090, "number of frames of the two test drives together", "N", low=2, high=10**8
     )
     more: int = option(
-        20, "number of further test drives, each in a building of its own", "N", low=0, high=10**5
+        20,
+        "number of further test drives, each in a building of its own",
+        "N",
+        low=0,
+        high=PER_SPLIT,
     )
     validation: int = option(
-        5, "number of validation drives, each in a building of its own", "N", low=0, high=10**5
+        5, "number of validation drives, each in a building of its own", "N", low=0, high=PER_SPLIT
     )
     length: int = option(
         300, "number of frames of each drive of --more and --validation", "N", low=1, high=10**6

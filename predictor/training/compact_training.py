@@ -80,6 +80,11 @@ class CompactTrainer(Trainer):
         deterministic(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
         check_unlearned(before, validation)
+        if net.kinds is not None:
+            print(
+                "The layer of kinds of --start is left out, since its features change; "
+                "--arch kinds fits a new one."
+            )
         # Both were fitted to features that change now. The layer has to be fitted again afterwards.
         net = net.with_context(config.context).without_kinds_and_ranges()
         self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]

@@ -49,13 +49,10 @@ def train_layer(
         TrainError: if the network has no context, has learned from buildings of the validation
             samples, or there are too few families; or if there are weights at `path` already.
     """
-    if net.context is None:
-        raise TrainError("the network of --start has no context, which the layer needs")
+    check_start(net, path)
     check_unlearned(facts, validation)
     if len(known_kinds(train)) < 2:
         raise TrainError(f"two families are needed; the samples are of {', '.join(train.families)}")
-    if path.exists():
-        raise TrainError(f"{path} exists: choose another folder by --out")
     fitted = fit(net, train)
     if fitted.ranges is None:
         # Weights of an earlier version.
@@ -68,6 +65,22 @@ def train_layer(
     }
     save_weights(path, fitted, facts | learned | {"kinds": layer})
     return path
+
+
+def check_start(net: CompactNet, path: Path) -> None:
+    """Check that a layer can be fitted to a network, and its file be written.
+
+    Args:
+        net: network.
+        path: path of the file to write.
+
+    Raises:
+        TrainError: if the network has no context, or there are weights at `path` already.
+    """
+    if net.context is None:
+        raise TrainError("the network of --start has no context, which the layer needs")
+    if path.exists():
+        raise TrainError(f"{path} exists: choose another folder by --out")
 
 
 def fit(net: CompactNet, samples: Samples) -> CompactNet:

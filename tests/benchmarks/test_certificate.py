@@ -246,3 +246,12 @@ def test_a_learned_building_is_known_by_its_cells(tmp_path):
     cells = load_world(here.world[0]).grid.cells
     learned = SimpleNamespace(facts={"worlds": conditions_for(here)["maps"]})
     assert has_learned(learned, cells)
+
+
+def test_a_calibration_without_any_risk_is_refused():
+    plain = replace(AT_RISK, risk=0.0)
+    with pytest.raises(UsageError, match="--calibration needs a --risk above 0"):
+        arms_at(plain, (0.0,), OFFICE)
+    with pytest.raises(UsageError, match="--uncertified needs a --risk above 0"):
+        arms_at(replace(plain, uncertified=True), (0.0,))
+    assert len(arms_at(plain, (0.0, 0.02), OFFICE)) == len(plain.arms) + 1

@@ -1,5 +1,7 @@
 """Drives in Python: a building is driven by two arms, and the drives are drawn."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from benchmarks.compare import drive, plot
 from benchmarks.figures.animation import roll_out
 from foresee.infra.command_line import UsageError
 from sim import generate
+from sim.task import NoTaskError
 
 
 def test_a_building_is_driven_with_and_without_prediction_and_drawn(tmp_path):
@@ -52,3 +55,20 @@ def test_every_last_resort_stops_in_what_had_been_observed():
         assert inside.all()
         seen = trace.first_seen[rows, cols]
         assert ((seen > 0) & (seen <= tick + 1)).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [
+        ({"calibration": Path("missing.json")}, "calibration"),
+        ({"uncertified": True}, "uncertified"),
+    ],
+)
+def test_what_is_for_a_risk_is_refused_without_one(given, name):
+    with pytest.raises(UsageError, match=f"--{name} needs a --risk above 0"):
+        drive("corridor", **given)
+
+
+def test_a_route_that_passes_a_place_twice_is_not_prescribed():
+    with pytest.raises(NoTaskError, match="passes a place twice"):
+        drive("narrow", seed=9120008, arms=("known",), predictor="none", route="fixed")

@@ -217,13 +217,15 @@ def test_a_risk_without_a_certificate_is_said_in_the_ranking(files, tmp_path, mo
     def at_risk_too(content):
         content["settings"] |= {"risk": 0.05, "uncertified": True}
         for drive_ in content["drives"]:
-            drive_["uncertified"] = True
+            drive_ |= {"uncertified": True, "learned": True}
 
     capsys.readouterr()
     bold = edited(files["stop"], tmp_path / "bold.json", at_risk_too)
     assert benchmarks.rank.main([str(bold), str(files["dwa"])]) == 0
     page = capsys.readouterr().out
-    assert page.count("stop (not certified)") == 1
+    learned = len(json.loads(bold.read_text())["drives"])
+    remark = f"stop (not certified, trained in {learned} of these buildings)"
+    assert page.count(remark) == 1
     assert page.count("--risk 0.05 --uncertified`") == 1
 
 

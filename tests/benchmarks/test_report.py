@@ -31,6 +31,7 @@ from benchmarks.report.report import LISTS, MOST, report, write_report
 from benchmarks.runs.beliefs import BLOCK, CERTAIN
 from benchmarks.runs.episodes_csv import COLUMNS, write_episodes
 from benchmarks.runs.saved_run import Run
+from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
 from benchmarks.runs.summary_text import main_rows
 from benchmarks.runs.trace import RunError
@@ -253,6 +254,14 @@ def test_the_command_of_a_report_gives_the_settings_of_the_run(words, run):
     assert sorted(same_risks) == sorted(risks)
     assert set(again.arms) == set(given.arms)
     assert replace(again, arms=("known",)) == replace(given, arms=("known",))
+
+
+def test_the_command_of_a_report_needs_no_file_of_the_car(run):
+    saved = run.settings | {"car": "/gone/car.yaml", "v_max": Settings.v_max}
+    line = command_of(replace(run, settings=saved))
+    assert "--car /gone/car.yaml" in line
+    # The default of the car's file is not known.
+    assert f"--v-max {Settings.v_max}" in line
 
 
 def test_forest_and_collisions_draw_the_intervals_of_the_summary():

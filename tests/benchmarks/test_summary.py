@@ -36,6 +36,8 @@ def test_words_say_what_each_driver_takes_and_who_collided():
     many = in_words(summary_of(30, jitter=0.5))
     assert re.search(r"`backup` \(no network\) 0\.8\d \(0\.\d\d–0\.\d\d\),", many)
     assert "too few" not in many
+    # All buildings agree: there is no interval, but not for want of buildings.
+    assert "too few" not in in_words(summary_of(30))
     crashed = summary_of(4, **{"predicted 2 %": {"outcome": "collided"}})
     assert in_words(crashed).endswith("`predicted 2 %` collided in 4 of 4 drives.")
     assert in_words({}) == ""

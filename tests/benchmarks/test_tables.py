@@ -102,3 +102,20 @@ def test_the_overview_says_that_a_calibration_is_of_an_earlier_planner():
 def test_each_kind_of_results_has_its_tables():
     assert set(tables.TABLES) == set(COMMANDS)
     assert all(callable(resolve_name(home)) for home in tables.TABLES.values())
+
+
+def test_files_of_the_same_name_are_told_apart(tmp_path, capsys):
+    source = Path(__file__).parents[2] / "docs/results/weave.json"
+    paths = [tmp_path / name for name in ("a/results.json", "b/results.json", "c/b/results.json")]
+    for path in paths:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(source.read_text())
+
+    def headings(*files):
+        assert tables.main([str(file) for file in files]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        return [line[3:] for line in lines if line.startswith("## ")]
+
+    assert headings(paths[0], source) == ["results", "weave"]
+    assert headings(*paths[:2], paths[0]) == ["a/results", "b/results"]
+    assert headings(*paths) == ["a/results", str(paths[1]), str(paths[2])]

@@ -112,3 +112,24 @@ def test_calibrations_of_other_conditions_are_kept_apart():
     assert together({"a": one}) == ""
     other["conditions"] |= {"predictor": "none", "world": ["narrow"]}
     assert "All 2 together" in together({"a": one, "b": other})
+
+
+def test_calibrations_of_another_revision_are_kept_apart():
+    first = made(seed=0, L01=(75, 0))
+    second = made(seed=1000, L01=(75, 0)) | {"revision": 2}
+    assert together({"a": first, "b": second}) == ""
+    # Older calibrations do not name the first revision.
+    assert "Pool of a, b:" in together({"a": first, "b": second | {"revision": 1}})
+    elsewhere = made("narrow", L01=(75, 0))
+    assert together({"a": elsewhere, "b": second}) == ""
+
+
+def test_calibrations_whose_drives_may_be_the_same_are_not_pooled():
+    first, apart = made(seed=0, L01=(75, 0), L03=(20, 0)), made(seed=75, L01=(75, 0))
+    assert "Pool of a, b:" in together({"a": first, "b": apart})
+    said = together({"a": first, "b": made(seed=74, L01=(75, 0)), "c": made("narrow", L01=(75, 0))})
+    assert said.startswith("No pool of a, b: drives of a and of b have the same seeds, from 74;")
+    # Which of the two would be part of a joint certificate is open.
+    assert "together" not in said
+    del apart["seed"]
+    assert "b does not name its seed" in together({"a": first, "b": apart})

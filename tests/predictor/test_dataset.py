@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from foresee.infra.command_line import UsageError
 from foresee.mapping.grid import world_hash
 from predictor.compact import LOGS, PAPER, SHIPPED
 from predictor.data.frames import MANIFEST, Frames, FramesError
@@ -246,3 +247,10 @@ def test_a_variety_that_cannot_be_is_refused(tmp_path, value, capsys):
     assert main(["--out", str(tmp_path), f"--people={value}", *ARGUMENTS]) == 2
     assert "--people" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("split", ["more", "validation"])
+def test_there_are_no_more_drives_than_seeds(split):
+    assert len(plan_drives(SimulatedConfig(**{split: 1000}))) > 1000
+    with pytest.raises(UsageError, match=f"--{split}"):
+        SimulatedConfig(**{split: 1001})

@@ -1,17 +1,24 @@
 """Scoring predictors along drives, over worlds and maps."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from foresee.mapping.grid import Grid, GridFrame, world_hash
 from foresee.prediction import Prediction
 from predictor.evaluate import main
-from predictor.evaluation.drive_scores import report_group, table
-from predictor.evaluation.scored_drive import score_drive
+from predictor.evaluation.drive_scores import report_group, report_groups, table
+from predictor.evaluation.scored_drive import cells_of_a_car, score_drive
 from predictor.evaluation.settings import EvaluateConfig
+from predictor.provenance import has_learned
+from predictor.recording.own_buildings import read_building
 from predictor.scoring.scores import Scores
 from sim import empty_straight, save_world
+from sim.buildings import learned_forms
+from sim.map_server import load_world
+from sim.world import World, sealed
 
 
 @pytest.fixture(scope="module")
@@ -222,3 +229,26 @@ def test_a_plug_in_that_breaks_the_contract_is_one_line(maps, tmp_path, capsys, 
     assert run(*command, "--predictors", f"test_evaluate:{name}") == 2
     assert says in capsys.readouterr().err.strip().splitlines()[-1]
     assert not (tmp_path / "results.json").exists()
+
+
+def test_a_learned_map_of_another_resolution_is_told_too(tmp_path):
+    cells = empty_straight(24.0, 3.0).grid.cells[::2, ::2]
+    world = World("coarse", Grid(GridFrame(0.1, (0.0, 0.0), cells.shape), cells))
+    save_world(world, tmp_path / "coarse.yaml")
+    trained = world_hash(read_building(tmp_path / "coarse.yaml").grid.cells)
+    predictor = SimpleNamespace(facts={"worlds": [trained]})
+    read = sealed(load_world(tmp_path / "coarse.yaml"))
+    assert has_learned(predictor, *learned_forms(read))
+    assert not has_learned(predictor, read.grid.cells)
+
+
+def test_families_and_folders_are_never_one_group(tmp_path):
+    maps = [str(tmp_path / name / "a.yaml") for name in ("office", "one/maps", "two/maps", "real")]
+    groups = report_groups(["office", *maps])
+    shown = ["office", f"{tmp_path.name}/office", "one/maps", "two/maps", "real"]
+    assert list(groups.values()) == shown
+
+
+@pytest.mark.parametrize(("resolution", "cells"), [(0.05, 7), (0.025, 14), (0.1, 4), (0.5, 1)])
+def test_the_square_of_a_car_is_as_wide_at_any_resolution(resolution, cells):
+    assert cells_of_a_car(resolution) == cells

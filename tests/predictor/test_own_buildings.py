@@ -13,7 +13,7 @@ from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from predictor.data.samples import Samples
 from predictor.data.splits import check_apart
 from predictor.networks.compact_net import CompactNet
-from predictor.recording.own_buildings import OwnBuildings, read_building
+from predictor.recording.own_buildings import HELD_OUT, Building, OwnBuildings, read_building
 from predictor.recording.settings import DrivesConfig
 from predictor.recording.training_drives import _check, draw_place, make
 from predictor.train import main
@@ -241,3 +241,10 @@ def test_a_log_serves_as_a_building(tmp_path):
     assert len(samples) >= 4
     # Free ahead on the map of all scans where nothing had been seen yet.
     assert ((codes % 3 == 2) & (codes // 3 == 0)).any()
+
+
+def test_a_building_of_many_maps_is_held_out_as_often_as_one_of_a_single_map():
+    many = [Building((), tuple(f"{n:03d}{k}" for k in range(8))) for n in range(400)]
+    share = np.mean([int(one.key[:8], 16) < HELD_OUT * 16**8 for one in many])
+    assert share == pytest.approx(HELD_OUT, abs=0.07)
+    assert Building(("a",), ("abc",)).key == "abc"

@@ -1,6 +1,7 @@
 """What drives leave behind to learn from: written whole, read safely, kept apart."""
 
 import itertools
+import zlib
 
 import numpy as np
 import pytest
@@ -163,6 +164,17 @@ def test_a_damaged_sample_is_an_error(tmp_path):
     write(tmp_path, samples=[b"not compressed at all"])
     with pytest.raises(SamplesError, match="sample 0, of the drive of seed 1, is damaged"):
         Samples.load(tmp_path)[0]
+
+
+def test_codes_that_do_not_exist_are_an_error_of_a_training_too(tmp_path):
+    data = np.zeros(Samples.SIZE, np.uint8)
+    data[-1] = 100
+    for code in (8, 9):
+        data[5] = code
+        write(tmp_path / str(code), samples=[zlib.compress(data.tobytes())])
+    assert Samples.load(tmp_path / "8").stacked(np.array([0]), 100)[0, 5] == 8
+    with pytest.raises(SamplesError, match="codes above 8"):
+        Samples.load(tmp_path / "9").stacked(np.array([0]), 100)
 
 
 def test_a_building_in_two_splits_is_refused(tmp_path):

@@ -30,7 +30,7 @@ from predictor.training.checkpoint import TrainError
 from predictor.training.compact_training import CompactTrainer
 from predictor.training.kinds_training import DOUBTS, train_layer
 from predictor.training.settings import CompactTraining
-from predictor.weights import load_weights, weights_path
+from predictor.weights import load_weights, save_weights, weights_path
 from sim import LidarConfig
 from sim.families import generate
 from sim.task import sample_task
@@ -308,12 +308,25 @@ def test_a_layer_of_kinds_that_cannot_be_trained_says_why(data, tmp_path):
         train_layer(net, facts, both, both, path)
 
 
-def test_a_fine_tuning_leaves_the_layer_of_kinds_out(data, tmp_path, small):
+def test_a_layer_of_kinds_is_refused_before_samples_are_made(tmp_path, capsys):
+    save_weights(tmp_path / "bare.safetensors", CompactNet(), {})
+    (tmp_path / "out").mkdir()
+    common = ["--arch", "kinds", "--data", str(tmp_path / "data"), "--out", str(tmp_path / "out")]
+    assert main([*common, "--start", str(tmp_path / "bare.safetensors")]) == 2
+    assert "has no context" in capsys.readouterr().err
+    (tmp_path / "out" / "compact.safetensors").touch()
+    assert main([*common, "--start", "compact"]) == 2
+    assert "exists: choose another" in capsys.readouterr().err
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_fine_tuning_leaves_the_layer_of_kinds_out_and_says_so(data, tmp_path, small, capsys):
     net = CompactNet().with_context(4).with_kinds(("corridor", "narrow"))
     train_set, validation = (Samples.load(data / name) for name in ("train", "validation"))
     config = replace(CONFIG, steps=1)
     path = CompactTrainer(config, train_set, validation, tmp_path, (net, {})).run()
     assert load_weights(path, CompactNet)[0].architecture == "foresee-compact-2"
+    assert "The layer of kinds of --start is left out" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -113,3 +113,9 @@ def test_the_car_without_errors_moves_as_before():
     for control, span in actuators.during(Control(0.5, 0.2), 0.1, True):
         moved = car.step(state, control, span)
     assert (moved == car.step(state, Control(0.5, 0.2), 0.1)).all()
+
+
+def test_a_lag_leaves_a_turn_on_the_spot():
+    actuators = Actuators(ErrorBounds(lag=0.15), np.random.default_rng(0))
+    turning = Control(0.0, 0.0, 1, 0.5)
+    assert {now.turn_rate for now, _ in actuators.during(turning, 0.1, False)} == {0.5}
