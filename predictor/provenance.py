@@ -45,7 +45,8 @@ def has_learned(predictor: Any, *buildings: NDArray[np.int8]) -> bool:
     """
     facts, hashes = _facts(predictor), {world_hash(cells) for cells in buildings}
     worlds = [facts.get(name) for name in ("worlds", "validation_worlds")]
-    return any(not hashes.isdisjoint(these) for these in worlds if isinstance(these, Collection))
+    lists = [these for these in worlds if isinstance(these, Collection)]
+    return any(building in these for building in hashes for these in lists)
 
 
 def _facts(predictor: Any) -> dict[str, Any]:
