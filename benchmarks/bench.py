@@ -15,6 +15,7 @@ from dataclasses import MISSING, dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from benchmarks.calibration.settings import refuse_without_risk
 from foresee.infra.command_line import Command, UsageError
 from foresee.infra.options import Options, given, jobs_option, option
 
@@ -71,10 +72,7 @@ class RaceSettings(Options):
             raise UsageError("give one of --predictor, --driver and --arm")
         if self.risk > 0 and self.predictor is None:
             raise UsageError("--risk needs --predictor: no other entry is told a risk")
-        if self.calibration is not None and self.risk == 0:
-            raise UsageError("--calibration needs a --risk above 0")
-        if self.uncertified and self.risk == 0:
-            raise UsageError("--uncertified needs a --risk above 0")
+        refuse_without_risk((self.risk,), self.calibration, self.uncertified)
 
     @property
     def entry(self) -> dict[str, str]:

@@ -7,7 +7,8 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.calibration.certificate import at_risk, refuse_without_risk
+from benchmarks.calibration.certificate import at_risk
+from benchmarks.calibration.settings import refuse_without_risk
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.runs.drive import drive as drive_episode
 from benchmarks.runs.saved_run import Run

@@ -10,7 +10,7 @@ from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.calibration.settings import OF_DRIVES
+from benchmarks.calibration.settings import OF_DRIVES, refuse_without_risk
 from benchmarks.runs.arms import ARMS, CALIBRATED_ARM, arm_at, arm_kind
 from benchmarks.runs.driver import navigator_config
 from benchmarks.runs.settings import CONDITIONS, NO_CONDITIONS, OLDER, Settings
@@ -185,23 +185,6 @@ def at_risk(
         calibrated=chosen.revision,
         uncertified=bool(chosen.differing(conditions)),
     )
-
-
-def refuse_without_risk(
-    risks: Sequence[float], calibration: Path | None, uncertified: bool
-) -> None:
-    """Refuse what is only for drives at a risk, if there are none.
-
-    Raises:
-        UsageError: if a calibration is named or the drives are `uncertified`, and no risk is
-            above 0.
-    """
-    if any(risk > 0 for risk in risks):
-        return
-    if calibration is not None:
-        raise UsageError("--calibration needs a --risk above 0")
-    if uncertified:
-        raise UsageError("--uncertified needs a --risk above 0")
 
 
 def arms_at(

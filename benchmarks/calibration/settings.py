@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from benchmarks.runs.settings import CONDITIONS
 from foresee.infra.command_line import UsageError
@@ -52,3 +54,20 @@ class CalibrateSettings(Options):
         for name in ("risks", "levels"):
             if len(set(getattr(self, name))) < len(getattr(self, name)):
                 raise UsageError(f"--{name} names a number more than once")
+
+
+def refuse_without_risk(
+    risks: Sequence[float], calibration: Path | None, uncertified: bool
+) -> None:
+    """Refuse what is only for drives at a risk, if there are none.
+
+    Raises:
+        UsageError: if a calibration is named or the drives are `uncertified`, and no risk is
+            above 0.
+    """
+    if any(risk > 0 for risk in risks):
+        return
+    if calibration is not None:
+        raise UsageError("--calibration needs a --risk above 0")
+    if uncertified:
+        raise UsageError("--uncertified needs a --risk above 0")

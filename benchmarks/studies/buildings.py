@@ -42,7 +42,7 @@ def _run(settings: BuildingsSettings) -> None:
     from foresee.infra.environment import commit
     from foresee.infra.progress import progress
     from foresee.infra.results_file import write_results
-    from predictor.evaluation.drive_scores import report_group
+    from predictor.evaluation.drive_scores import report_groups
     from predictor.recording.own_buildings import read_building
     from sim.building_statistics import building_statistics
     from sim.buildings import sources
@@ -54,12 +54,13 @@ def _run(settings: BuildingsSettings) -> None:
         for place in sources(settings.world)
         for seed in (seeds if place in FAMILIES else (0,))
     ]
+    names = report_groups([place for place, _ in items])
     groups: dict[str, list[dict[str, float]]] = {}
     for place, seed in progress(items, unit="building"):
         world = generate(place, seed) if place in FAMILIES else read_building(Path(place))
         numbers = building_statistics(world, np.random.default_rng(seed))
         rounded = {name: round(number, 4) for name, number in numbers.items()}
-        groups.setdefault(report_group(place), []).append(rounded)
+        groups.setdefault(names[place], []).append(rounded)
     results = {"commit": commit(), "seed": settings.seed, "groups": groups}
     write_results(settings.out, "buildings", results)
     print(table(results), "", settings.out, sep="\n")

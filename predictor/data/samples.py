@@ -104,10 +104,10 @@ class Samples(PackedSamples):
             SamplesError: if one is damaged.
         """
         data = super().stacked(chosen, most)
-        for index, codes in zip(chosen, data[:, : SIDE**2], strict=True):
-            # Higher codes would be indices beyond the tables of the training.
-            if codes.max() > 8:
-                raise SamplesError(f"sample {index} is damaged: it holds codes above 8")
+        # Higher codes would be indices beyond the tables of the training.
+        damaged = chosen[data[:, : SIDE**2].max(axis=1) > 8]
+        if len(damaged):
+            raise SamplesError(f"sample {damaged[0]} is damaged: it holds codes above 8")
         return data
 
     @staticmethod

@@ -33,11 +33,6 @@ from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_int
 from sim.buildings import map_hashes, sources
 
 
-def report_group(place: str) -> str:
-    """Return the group in which a building is reported: its family, or the folder of its map."""
-    return report_groups([place])[place]
-
-
 def report_groups(places: list[str]) -> dict[str, str]:
     """Return the group of each building: its family, or the shortest name of its map's folder.
 

@@ -9,7 +9,7 @@ import pytest
 from foresee.mapping.grid import Grid, GridFrame, world_hash
 from foresee.prediction import Prediction
 from predictor.evaluate import main
-from predictor.evaluation.drive_scores import report_group, report_groups, table
+from predictor.evaluation.drive_scores import report_groups, table
 from predictor.evaluation.scored_drive import cells_of_a_car, score_drive
 from predictor.evaluation.settings import EvaluateConfig
 from predictor.provenance import has_learned
@@ -156,8 +156,8 @@ def test_cells_that_were_seen_do_not_count(maps):
 
 
 def test_maps_are_reported_under_their_folder(maps):
-    assert report_group("office") == "office"
-    assert report_group(str(maps / "hall.yaml")) == maps.name
+    hall = str(maps / "hall.yaml")
+    assert report_groups(["office", hall]) == {"office": "office", hall: maps.name}
 
 
 class Graduate:
