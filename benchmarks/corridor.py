@@ -195,8 +195,7 @@ def _drive_all(
             return True
         except LostError as error:
             store.lost = list(error.items)
-            line = f"warning: {error}; give the same command again to retry"
-            bar.write(line, file=sys.stderr)
+            bar.write(f"warning: {error}", file=sys.stderr)
         except LineError as error:
             raise UsageError(f"{error}; what was finished is kept") from None
     return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
@@ -18,7 +19,7 @@ from foresee.infra.command_line import UsageError
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import world_hash
-from planner.risk.calibration import Calibration
+from planner.risk.calibration import Calibration, CalibrationError
 from predictor.registry import fingerprint_of
 from sim.buildings import sources
 from sim.map_server import load_world
@@ -151,7 +152,8 @@ def at_risk(
     Raises:
         UsageError: if both risk and level are given, or no calibration is for these drives; if the
             arm that calibrations are of does not drive, or another arm takes risks.
-        CalibrationError: if the calibration is for other settings, or only for larger risks.
+        CalibrationError: if the calibration is for other settings, or only for larger risks, or was
+            made with drives in the same buildings.
     """
     for arm in settings.arms:
         if arm not in ARMS:
@@ -179,11 +181,17 @@ def at_risk(
         chosen = load_calibration(calibration)
         if not settings.uncertified:
             chosen.refuse_other(conditions)
+    seen = _has_seen(chosen, settings)
+    if seen and not settings.uncertified:
+        raise CalibrationError(
+            f"{chosen.path} was made with drives in the same buildings: choose another --seed, or "
+            "drive without a certificate, with --uncertified"
+        )
     return replace(
         settings,
         level=chosen.level_at(settings.risk),
         calibrated=chosen.revision,
-        uncertified=bool(chosen.differing(conditions)),
+        uncertified=seen or bool(chosen.differing(conditions)),
     )
 
 
@@ -215,6 +223,12 @@ def arms_at(
         names = (*before, *at_risks, *after)
         arms = {name: at_risks.get(name, plain) for name in names}
     return {name: replace(chosen, arms=tuple(arms)) for name, chosen in arms.items()}
+
+
+def _has_seen(calibration: Calibration, settings: Settings) -> bool:
+    """Return whether a calibration was made with drives in the buildings of some settings."""
+    buildings = math.ceil(settings.episodes / len(sources(settings.world)))
+    return settings.draws_tasks and calibration.has_used(settings.seed, buildings)
 
 
 def _strange(arm: str) -> bool:

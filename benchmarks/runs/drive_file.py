@@ -20,7 +20,7 @@ from foresee.infra.plain_json import fits
 from foresee.infra.progress import progress
 from foresee.infra.results_file import COMMANDS, read_results
 from foresee.infra.resumable import lock, refuse_other_settings, unlock
-from foresee.infra.workers import LostError, finished
+from foresee.infra.workers import finished
 from planner.revision import revision_of
 
 ENTRY = {"index": int}
@@ -92,8 +92,8 @@ class DriveFile:
         entry: facts that each drive must have, and their types.
 
     Raises:
-        UsageError: if the file has other settings, cannot be written, or is in use by another
-            process.
+        UsageError: if the file has other settings, or is in use by another process.
+        OSError: if it cannot be written.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class DriveFile:
         """Add a drive, and write the file.
 
         Raises:
-            UsageError: if it cannot be written.
+            OSError: if it cannot be written.
         """
         self.drives[drive["index"]] = drive
         self._write()
@@ -159,25 +159,23 @@ class DriveFile:
             The items without a drive, each with the reason.
 
         Raises:
-            UsageError: if drives are lost because processes died, or the file cannot be written.
+            LostError: if drives are lost because processes died; all others are made.
+            OSError: if the file cannot be written.
         """
         todo = [item for index, item in enumerate(items) if index not in self.drives]
         skipped = dict[Item, str]()
         if enough():
             return skipped
         with progress(total=len(items), initial=len(items) - len(todo), unit=unit) as bar:
-            try:
-                for item, content in finished(work, todo, jobs):
-                    if isinstance(content, str):
-                        skipped[item] = content
-                    else:
-                        self.add(content)
-                        bar.set_postfix_str(about(content), refresh=False)
-                    bar.update()
-                    if enough():
-                        break
-            except LostError as error:
-                raise UsageError(f"{error}; give the same command again to retry") from None
+            for item, content in finished(work, todo, jobs):
+                if isinstance(content, str):
+                    skipped[item] = content
+                else:
+                    self.add(content)
+                    bar.set_postfix_str(about(content), refresh=False)
+                bar.update()
+                if enough():
+                    break
         return skipped
 
     def first(self, count: int) -> list[dict[str, Any]]:
@@ -199,7 +197,7 @@ class DriveFile:
             # Half a surrogate pair, which a file may hold, is written as JSON writes it: \ud800.
             write_whole(self.path, text.encode(errors="backslashreplace"))
         except OSError as error:
-            raise UsageError(f"--out: {self.path} cannot be written: {error.strerror}") from None
+            raise OSError(error.errno, error.strerror, str(self.path)) from None
 
 
 def table_of_outcomes(content: Mapping[str, Any]) -> str:

@@ -219,7 +219,7 @@ def _tasks_of_file(path: str, places: list[str]) -> list[tuple[str, GivenTask]]:
     for task in file.tasks:
         count = len(named.get(task.map, ()))
         if count != 1:
-            what = f"--world has {'no' if count == 0 else 'more than one'} map {task.map}"
+            what = f"--world has no map {task.map}"
             if task.map is None:
                 what = f"a task must name its map, since --world has {count}"
             raise UsageError(f"--tasks {path}: {what}")

@@ -70,7 +70,8 @@ class Command:
 
         Returns:
             The status that `run` returned; 2 after an error in the input or in a file, 1 after an
-            error of the disk, such as a full disk, 130 after Ctrl-C.
+            error of the disk, such as a full disk, or the loss of worker processes, 130 after
+            Ctrl-C.
         """
         with lasting_streams():
             return self._status(argv)
@@ -82,7 +83,7 @@ class Command:
             return status
         except LineError as error:
             self._complain(str(error))
-            return 2
+            return error.status
         except BrokenPipeError:
             # The program that read the output, such as `head`, has ended.
             return 1

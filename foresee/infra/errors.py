@@ -36,7 +36,13 @@ def one_line(error: BaseException) -> str:
 
 
 class LineError(ValueError):
-    """An error whose message is one line, which `Command` prints without a traceback."""
+    """An error whose message is one line, which `Command` prints without a traceback.
+
+    Attributes:
+        status: exit status of the command that the error ends.
+    """
+
+    status = 2
 
     def __init__(self, message: str) -> None:
         super().__init__(shown(message))

@@ -47,9 +47,14 @@ class LostError(WorkersError):
         items: items that are not done.
     """
 
+    status = 1
+
     def __init__(self, items: Sequence[Any]) -> None:
         named = ", ".join(map(str, items[:5])) + (" …" if len(items) > 5 else "")
-        super().__init__(f"not done, because their processes died again and again: {named}")
+        super().__init__(
+            f"not done, because their processes died again and again: {named}; "
+            "give the same command again to retry"
+        )
         self.items = items
 
 

@@ -51,9 +51,10 @@ def _run(settings: ErrorSettings, place: Place) -> int:
     from benchmarks.studies.robustness.error_drives import cases_of, driven_case
     from benchmarks.studies.robustness.error_tables import table
 
+    cases = list(cases_of(settings.part))
     identity = asdict(settings) | {"revision": REVISION, "weights": run_fingerprint(Settings())}
-    store = DriveFile(place.out, "errors", identity, grows="buildings")
-    count = settings.buildings * len(cases_of(settings.part))
+    store = DriveFile(place.out, "errors", identity | {"cases": cases}, grows="buildings")
+    count = settings.buildings * len(cases)
     work = partial(driven_case, settings.part, settings.seed)
     store.fill(work, range(count), place.jobs, lambda drive: str(drive["outcome"]))
     print(table(settings.part, store.first(count)), "", place.out, sep="\n")
