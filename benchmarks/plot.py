@@ -58,8 +58,8 @@ class PlotSettings(Options):
     )
     stride: int | None = option(
         None,
-        "draw every N-th tick in the video; by default every tick, or as many as give at most 400 "
-        "frames",
+        "draw every N-th tick in the videos; by default every tick, or as many as give at most 400 "
+        "frames, 150 in a race",
         "N",
         low=1,
     )
@@ -95,7 +95,7 @@ def _run(settings: PlotSettings) -> None:
             paths.append(folder / file_name("drive", kind, drive.index, drive.arm))
             write_video(drive.frame, len(drive), drive.rate, paths[-1])
         if settings.race:
-            race = Race(run, episode)
+            race = Race(run, episode, settings.stride)
             paths.append(folder / file_name("race", kind, race.index))
             write_video(race.frame, len(race), race.rate, paths[-1])
         if settings.parting:

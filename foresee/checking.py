@@ -21,12 +21,13 @@ FIELDS = ("p_free", "p_occupied", "confidence")
 def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) -> tuple[str, ...]:
     """Check that a predictor keeps to the contract with the planner.
 
-    It is asked about an empty, an unknown and a cluttered map, in two sizes and several poses, each
-    twice in a row, and then about all of them again in the opposite order.
+    It is asked about an empty, an unknown and a cluttered map, in several poses and in two sizes,
+    or in the one that it states, each twice in a row, and then about all of them again in the
+    opposite order.
 
     Args:
         predictor: predictor to check.
-        side: side of the larger maps [m].
+        side: side of the larger maps [m], for a predictor that states no side.
         seed: seed of the maps.
 
     Returns:
@@ -37,7 +38,8 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
         BadPredictionError: if the predictor breaks the contract; the message names the remedy.
     """
     caller = Caller(predictor)
-    views = _views(side, caller.context_side, seed)
+    sides = (caller.side,) if caller.side else (side, 0.55 * side)
+    views = _views(sides, caller.context_side, seed)
     warnings: dict[str, str] = {}
     if caller.is_old:
         warnings["old"] = (
@@ -73,7 +75,7 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
         warnings["late"] = (
             f"an answer took {slowest:.2f} s, a tick is {TICK:g} s: it delays every "
             "control, and one that takes too long is not used; make it faster, or the square "
-            "smaller (expansion)"
+            "smaller (expansion, or its side)"
         )
     for view, answer in reversed(list(zip(views, answers, strict=True))):
         if not _same(answer, _ask(caller, view)[0]):
@@ -84,11 +86,11 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
     return tuple(warnings.values())
 
 
-def _views(side: float, context_side: float, seed: int) -> list[View]:
-    """Return views of maps of two sizes."""
+def _views(sides: tuple[float, ...], context_side: float, seed: int) -> list[View]:
+    """Return views of maps of each size [m]."""
     rng = np.random.default_rng(seed)
     views = []
-    for length in (side, 0.55 * side):
+    for length in sides:
         n = round(length / RESOLUTION)
         clutter = rng.choice(np.array([FREE, FREE, OCCUPIED, UNKNOWN], np.int8), size=(n, n))
         for cells in (

@@ -59,7 +59,8 @@ class Navigator:
         start: x, y, yaw of the car at the start, (3,) or more [m, m, rad].
         goal: x, y of the goal [m].
         known: occupancy grid at the start; the navigator adds the scans to it.
-        waypoints: points of a prescribed route, (n, 2) [m]; None: the car finds its own route.
+        waypoints: points of a prescribed route, (n, 2) [m], the last of them at the goal; None: the
+            car finds its own route.
         seed: seed of the path search.
         frontiers: predictor of frontiers, which changes a route that is not prescribed, or None.
         executor: runs the path searches beside `step`, one at a time, so that `step` never waits

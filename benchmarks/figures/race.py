@@ -49,6 +49,8 @@ class Race(Ticks):
     Args:
         run: run that contains the drives.
         index: number of the episode; None: the first in which all arms reached the goal.
+        stride: number of ticks from frame to frame; None: the smallest that gives at most `MOST`
+            frames.
 
     Attributes:
         index: number of the episode.
@@ -59,12 +61,13 @@ class Race(Ticks):
     """
 
     @own_style()
-    def __init__(self, run: Run, index: int | None = None) -> None:
+    def __init__(self, run: Run, index: int | None = None, stride: int | None = None) -> None:
         self.index = index = run.showcase if index is None else index
         arms = racers(run, index)
         traces = [run.trace(index, arm) for arm in arms]
         longest = max(len(trace.plans) for trace in traces)
-        super().__init__(longest, run.setting("dt"), math.ceil(longest / MOST))
+        stride = math.ceil(longest / MOST) if stride is None else stride
+        super().__init__(longest, run.setting("dt"), stride)
         figure, self._views = side_by_side(run, index, {arm: ARMS[arm_kind(arm)] for arm in arms})
         figure.set_dpi(DPI)
         self._canvas = FigureCanvasAgg(figure)

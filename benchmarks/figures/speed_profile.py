@@ -20,7 +20,7 @@ from benchmarks.figures.palette import (
 )
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import Trace
+from benchmarks.runs.trace import RunError, Trace
 from foresee.infra.drawing import INK, new_figure, short_name
 
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
@@ -49,7 +49,8 @@ class _Drive:
 def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     """Draw the speed over distance of each arm of each run in one episode, and its limits.
 
-    Speeds in reverse are drawn below zero. Beside it, the SCT of all episodes is shown.
+    Speeds in reverse are drawn below zero. Beside it, the SCT of all episodes is shown. Runs
+    without the episode have no line.
 
     Args:
         runs: one or more runs.
@@ -100,7 +101,7 @@ def _drives(runs: Sequence[Run], index: int) -> list[_Drive]:
     labels = [run.label for run in runs]
     if len(set(labels)) < len(labels):
         labels = [str(run.directory) for run in runs]
-    return [
+    drives = [
         _Drive(
             arm if len(runs) == 1 else f"{short_name(labels[number])}: {arm}",
             number,
@@ -108,8 +109,13 @@ def _drives(runs: Sequence[Run], index: int) -> list[_Drive]:
             run.trace(index, arm),
         )
         for number, run in enumerate(runs)
+        if index in run.indices
         for arm in run.driven_arms(index)
     ]
+    if not drives:
+        has = ", ".join(map(str, runs[0].indices))
+        raise RunError(f"{runs[0].directory} has no episode {index}: it has {has}")
+    return drives
 
 
 def _profiles(ax: Axes, drives: list[_Drive], v_max: float) -> None:

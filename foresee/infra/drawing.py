@@ -132,17 +132,22 @@ def as_svg(figure: Figure, words: str) -> str:
 
 
 @own_style()
-def save_figures(figures: Sequence[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:
+def save_figures(
+    figures: Sequence[tuple[str, Callable[[], Figure | None]]], out: Path
+) -> list[Path]:
     """Draw figures, and save them as PNG files once all of them are drawn; return their paths.
 
     Args:
-        figures: name of each file, and function that draws the figure.
+        figures: name of each file, and function that draws the figure; None: there is nothing to
+            draw, and no file.
         out: folder for the files; made if it is missing.
     """
     out.mkdir(parents=True, exist_ok=True)
-    drawn = {out / name: io.BytesIO() for name, _ in figures}
-    for data, (_, draw) in zip(drawn.values(), figures, strict=True):
-        draw().savefig(data, format="png")
+    drawn = dict[Path, io.BytesIO]()
+    for name, draw in figures:
+        figure = draw()
+        if figure is not None:
+            figure.savefig(drawn.setdefault(out / name, io.BytesIO()), format="png")
     for path, data in drawn.items():
         write_whole(path, data.getvalue())
     return list(drawn)

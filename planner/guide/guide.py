@@ -123,13 +123,18 @@ class Guide:
     def awaits_leg(self, state: NDArray[np.float64]) -> bool:
         """Return whether the car stands where the next leg of a recovery manoeuvre begins.
 
+        A manoeuvre is given up if the car has come away from where it begins.
+
         Args:
             state: current x, y, yaw, v of the car, (4,).
         """
-        if not self._legs or abs(state[3]) > REST:
+        if not self._legs:
             return False
-        end = self._legs[0][1].points[-1]
-        return not self.on_leg or math.dist(end, state[:2]) <= self.config.leg_end
+        points = self._legs[0][1].points
+        is_there = math.dist(points[-1 if self.on_leg else 0], state[:2]) <= self.config.leg_end
+        if not is_there and not self.on_leg:
+            self._legs = []
+        return is_there and abs(state[3]) <= REST
 
     def begin_leg(self) -> None:
         """Begin the next leg of a recovery manoeuvre, in its gear."""
@@ -273,11 +278,16 @@ class Guide:
         self._memory = found.memory
         self.search_ms += found.ms
         request = found.request
-        if request.recovers and math.dist(state[:2], request.state[:2]) > self.config.leg_end:
-            # The car has come away without the manoeuvre, which begins where it was.
+        speed = max(abs(float(state[3])), then)
+        halt = speed**2 / (2.0 * self.car.braking)
+        if (
+            request.recovers
+            and math.dist(state[:2], request.state[:2]) + halt > self.config.leg_end
+        ):
+            # The car comes away without the manoeuvre, which begins where it was.
             return found.faults
-        if found.turn_to is not None and self.gear < 0 and max(abs(state[3]), then) > REST:
-            # The car reverses again. It may change its gear only where it stands.
+        if found.turn_to is not None and (speed if self.gear < 0 else abs(state[3])) > REST:
+            # The car drives again. It turns, and changes its gear, only where it stands.
             return found.faults
         if request.recovers and (found.legs is not None or found.turn_to is not None):
             place = front(request.state, self.car)
@@ -344,7 +354,11 @@ class Guide:
         self.counts[path.source] += 1
 
     def _is_held(self) -> bool:
-        """Return whether the car must complete the arcs of a hybrid A* path before it replans."""
+        """Return whether the car must complete a path of hybrid A* before it replans.
+
+        The path counts up to the end of its drivable part, also where it was smoothed again.
+        Replanning as soon as the arcs end was tried, and gained no time.
+        """
         path = self._whole
         if path is None or path.source != "hybrid" or self.path is not path:
             return False

@@ -62,8 +62,9 @@ class SearchProcess(Executor):
         return future
 
     def _load(self) -> Future[None]:
-        """Let the process import what a search needs."""
-        loaded: Future[None] = self._pools[0].submit(_load)
+        """Start the process, and let it import what a search needs."""
+        with interrupts_blocked():
+            loaded: Future[None] = self._pools[0].submit(_load)
         return loaded
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -77,8 +78,7 @@ def _new_pool() -> Any:
     from joblib.externals.loky.process_executor import ProcessPoolExecutor
 
     follow = partial(follow_parent, os.getpid())
-    with interrupts_blocked():
-        return ProcessPoolExecutor(1, context=get_context("loky"), initializer=follow)
+    return ProcessPoolExecutor(1, context=get_context("loky"), initializer=follow)
 
 
 def _end(pools: list[Any]) -> None:

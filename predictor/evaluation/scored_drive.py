@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
 
 from foresee.mapping.conventions import RESOLUTION
-from foresee.mapping.grid import world_hash
-from foresee.prediction import Caller, View
+from foresee.mapping.grid import Grid, world_hash
+from foresee.prediction import Caller, Prediction, View, with_observed
 from planner.navigator import Navigator
 from planner.navigator_config import NavigatorConfig
 from predictor.data.squares import TERNARY, truth_codes
@@ -81,8 +81,11 @@ def score_drive(
         similar[BLANK].append(ssim(blank, true_image))
         for name, caller in callers.items():
             begin = time.perf_counter()
-            belief = caller.ask(View.of(known, state[:3], side, caller.context_side))
+            view = View.of(known, state[:3], caller.side or side, caller.context_side)
+            belief = caller.ask(view)
             taken[name].append(1e3 * (time.perf_counter() - begin))
+            if caller.side:
+                belief = _on(belief, crop)
             image = ternary(crop, belief)
             similar[name].append(ssim(image, true_image))
             trusted = belief.confidence * belief.p_free, belief.confidence * belief.p_occupied
@@ -108,6 +111,16 @@ def score_drive(
         "errors": [off for off, _ in shown],
     }
     return facts, arrays
+
+
+def _on(belief: Prediction, known: Grid) -> Prediction:
+    """Return a prediction on the frame of a map; cells outside of its own are unknown."""
+    there, here = belief.frame.overlap(known.frame)
+    given = belief.p_free, belief.p_occupied, belief.confidence
+    free, occupied, confidence = fields = np.zeros((3, *known.frame.shape), dtype=np.float32)
+    for field, values in zip(fields, given, strict=True):
+        field[here] = values[there]
+    return with_observed(known, free, occupied, confidence, belief.nan_cells, belief.doubt)
 
 
 def cells_of_a_car(resolution: float) -> int:

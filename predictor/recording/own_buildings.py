@@ -83,7 +83,7 @@ class OwnBuildings:
             UsageError: if a path is none of these, or no building can be used.
         """
         seen: dict[str, Path] = {}
-        buildings, skipped = [], []
+        buildings, skipped = [], _too_deep(names)
         for paths in _buildings(names):
             good: dict[str, str] = {}
             for path in paths:
@@ -182,6 +182,15 @@ def _buildings(names: tuple[str, ...]) -> list[list[Path]]:
                 f"logs are {LOG_FORMATS}"
             )
     return buildings
+
+
+def _too_deep(names: tuple[str, ...]) -> list[str]:
+    """Return a line for each folder with maps or logs that lies too deep in the given folders."""
+    folders = [path for path in map(Path, names) if is_folder(path)]
+    inner = [each for path in folders for each in sorted(path.iterdir()) if is_folder(each)]
+    deep = [each for path in inner for each in sorted(path.iterdir()) if is_folder(each)]
+    why = "it lies too deep: a folder may hold files, and folders of files"
+    return [f"{each}: {why}" for each in deep if _files(each)]
 
 
 def _files(folder: Path) -> list[Path]:

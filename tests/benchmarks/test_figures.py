@@ -288,6 +288,16 @@ def test_two_runs_share_one_speed_profile(tmp_path, capsys):
     assert len(printed) == 7
 
 
+def test_runs_without_the_episode_have_no_line_in_the_shared_speed_profile(tmp_path):
+    runs = [Run.load(write_run(tmp_path / name, episodes=n)) for name, n in (("a", 2), ("b", 1))]
+    figure = speed_profile(runs, 1)
+    labels = [line.get_label() for line in figure.axes[0].get_lines()]
+    assert any(str(label).startswith("a: ") for label in labels)
+    assert not any(str(label).startswith("b: ") for label in labels)
+    with pytest.raises(RunError, match="no episode 7"):
+        speed_profile(runs, 7)
+
+
 def test_figures_of_a_chosen_episode_and_arm_replace_no_others(tmp_path):
     run = write_run(tmp_path / "run", arms=("known", "predicted 2 %"))
     draw_all(run)

@@ -180,6 +180,21 @@ def test_a_predictor_that_writes_into_its_context_breaks_the_contract():
         check_predictor(Looks())
 
 
+def test_a_predictor_is_checked_in_squares_of_the_side_that_it_states():
+    looks = Looks()
+    looks.side, asked = 4.0, set()
+
+    def predict(view):
+        asked.add(view.known.frame.shape)
+        field = np.zeros(view.known.frame.shape, np.float32)
+        return Prediction(view.known.frame, field, field, field)
+
+    looks.predict = predict
+    assert check_predictor(looks) == ()
+    assert max(max(shape) for shape in asked) * 0.05 == pytest.approx(4.0, abs=0.06)
+    assert min(min(shape) for shape in asked) * 0.05 == pytest.approx(4.0, abs=0.06)
+
+
 @pytest.mark.parametrize("side", [-1.0, 1e9, float("nan"), "wide", None])
 def test_a_context_that_is_no_length_is_refused(side):
     looks = Looks()

@@ -131,6 +131,37 @@ def test_a_turn_on_the_spot_is_taken_over_only_by_a_car_that_stands(speed):
     assert (guide.turn_to, guide.gear) == ((None, -1) if speed else (1.5, 1))
 
 
+def with_legs(x, speed):
+    """A guide whose search has found a manoeuvre at the origin, taken over at x and a speed."""
+    driver = Navigator(NavigatorConfig(), None, np.zeros(3), (8.0, 0.0), free_all_round(0.05))
+    decision = driver.step(np.zeros(4), BLIND)
+    guide = driver.guide
+    request = guide._request(
+        0, True, np.zeros(4), np.zeros(4), driver.known, decision.risk_map, None
+    )
+    legs = [(1, Way.through(np.array([[0.0, 0.0], [1.0, 0.0]]), "hybrid"))]
+    guide._running = Future()
+    guide._running.set_result(Found(request, SearchMemory(), legs=legs))
+    guide.take(np.array([x, 0.0, 0.0, speed]))
+    return guide
+
+
+@pytest.mark.parametrize(
+    ("x", "speed", "taken"),
+    [(0.1, 0.0, True), (0.0, 0.3, True), (0.0, 1.0, False), (0.2, 0, False)],
+)
+def test_a_manoeuvre_is_taken_over_only_by_a_car_that_can_stop_where_it_begins(x, speed, taken):
+    guide = with_legs(x, speed)
+    assert guide.awaits_leg(np.array([x, 0.0, 0.0, 0.0])) == taken
+
+
+def test_a_manoeuvre_is_given_up_when_the_car_has_come_away_from_where_it_begins():
+    guide = with_legs(0.0, 0.3)
+    assert not guide.awaits_leg(np.array([0.1, 0.0, 0.0, 0.3]))
+    assert not guide.awaits_leg(np.array([0.2, 0.0, 0.0, 0.3]))
+    assert not guide.awaits_leg(np.zeros(4))
+
+
 @pytest.mark.parametrize(
     "changes",
     [

@@ -231,6 +231,27 @@ def test_a_plug_in_that_breaks_the_contract_is_one_line(maps, tmp_path, capsys, 
     assert not (tmp_path / "results.json").exists()
 
 
+class Small:
+    """Predicts that all is free, in the square of 3 m that it states."""
+
+    side = 3.0
+
+    def predict(self, view):
+        assert max(view.known.frame.shape) <= 61
+        ones = np.ones(view.known.frame.shape, np.float32)
+        return Prediction(view.known.frame, ones, 0.0 * ones, ones)
+
+
+def test_a_predictor_is_asked_about_the_side_that_it_states(maps, tmp_path):
+    command = ("--world", maps / "hall.yaml", "--drives", 1, "--jobs", 1, "--out", tmp_path)
+    assert run(*command, "--predictors", "test_evaluate:Small", "none") == 0
+    (group,) = json.loads((tmp_path / "results.json").read_text())["groups"].values()
+    small, none = (group["predictors"][name] for name in ("test_evaluate:Small", "none"))
+    assert small["cells"] == none["cells"]
+    # In the cells outside of its square it predicts nothing, as `none` does everywhere.
+    assert 0.0 < small["brier_free"] != none["brier_free"] < 1.0
+
+
 def test_a_learned_map_of_another_resolution_is_told_too(tmp_path):
     cells = empty_straight(24.0, 3.0).grid.cells[::2, ::2]
     world = World("coarse", Grid(GridFrame(0.1, (0.0, 0.0), cells.shape), cells))

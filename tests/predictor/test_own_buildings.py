@@ -201,6 +201,15 @@ def test_a_map_that_cannot_be_driven_in_and_a_log_that_sees_nothing_are_left_out
     assert len(own.train) + len(own.validation) == 3
 
 
+def test_maps_that_lie_too_deep_are_named(tmp_path):
+    deep = tmp_path / "site" / "floor"
+    deep.mkdir(parents=True)
+    for number, folder in enumerate((tmp_path, deep)):
+        save_world(generate("narrow", 9 + number), folder / "map.yaml")
+    (line,) = OwnBuildings.read((str(tmp_path),)).skipped
+    assert line.startswith(f"{deep}: ")
+
+
 def test_a_log_is_known_again_when_it_is_packed(tmp_path):
     carmen(tmp_path / "one.log")
     (tmp_path / "packed.log.gz").write_bytes(gzip.compress((tmp_path / "one.log").read_bytes()))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.figures.palette import ARM_COLOURS, arm_colour
 from benchmarks.studies.risk.series import OWN, PROMISE
-from foresee.infra.drawing import INK, new_figure, own_style
+from foresee.infra.drawing import INK, new_figure, save_figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,20 +21,14 @@ MANY = 40
 """Number of drives from which on an interval decides how far the axis reaches."""
 
 
-@own_style()
 def draw(results: dict[str, Any], out: Path) -> list[Path]:
     """Draw the figures that the results suffice for, and return their files."""
-    paths = []
-    for name, drawn in (
-        ("promise", _promise),
-        ("pareto", _pareto),
-        ("recalibrations", _recalibrations),
-    ):
-        figure = drawn(results)
-        if figure is not None:
-            figure.savefig(path := out / f"{name}.png", dpi=150)
-            paths.append(path)
-    return paths
+    figures = [
+        ("promise.png", partial(_promise, results)),
+        ("pareto.png", partial(_pareto, results)),
+        ("recalibrations.png", partial(_recalibrations, results)),
+    ]
+    return save_figures(figures, out)
 
 
 def _promise(results: dict[str, Any]) -> Figure | None:
