@@ -95,6 +95,16 @@ def test_a_calibration_knows_the_buildings_that_it_was_made_in(tmp_path):
     assert [found.has_used(*one) for one in [(349, 5), (350, 5)]] == [True, False]
 
 
+def test_a_risk_is_refused_in_the_buildings_of_its_calibration(tmp_path):
+    found = written(tmp_path / "c.json")
+    # 7 tasks in two families are in buildings of seeds 98 to 101; the calibration began with 100.
+    settings = replace(SETTINGS, risk=0.05, seed=98, episodes=7)
+    with pytest.raises(CalibrationError, match="same buildings: choose another --seed"):
+        at_risk(settings, found)
+    assert at_risk(replace(settings, uncertified=True), found).uncertified
+    assert not at_risk(replace(settings, episodes=4), found).uncertified
+
+
 @pytest.mark.parametrize("risky", [{"risk": 0.05}, {"level": 0.05}])
 def test_a_planner_that_takes_everything_for_free_has_no_level(risky):
     with pytest.raises(UsageError, match="--reliance below 1"):

@@ -1,5 +1,6 @@
 """Time-optimal drives keep the car's limits and its bound; their file grows and is always whole."""
 
+import errno
 import json
 import math
 import subprocess
@@ -18,8 +19,9 @@ from benchmarks.runs.drive_file import DriveFile, read_drives
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task
 from benchmarks.runs.time_optimal import KIND, read_t_opt, task_key
-from foresee.infra.command_line import UsageError
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.resumable import lock
+from foresee.infra.workers import LostError
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
@@ -277,6 +279,30 @@ def test_a_file_holds_a_drive_a_line(tmp_path):
     store.add(result(0))
     lines = (tmp_path / "o.json").read_text().splitlines()
     assert [json.loads(line.rstrip(","))["index"] for line in lines[1:-1]] == [0, 1]
+
+
+def test_what_the_disk_or_a_process_loses_is_no_error_of_the_user(tmp_path, monkeypatch, capsys):
+    def full(path, data):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def deadly(work, todo, jobs):
+        yield todo[0], result(0)
+        raise LostError(todo[1:])
+
+    def run() -> None:
+        store = DriveFile(tmp_path / "o.json", KIND, {"v_max": 4.0, "episodes": 2}, "episodes")
+        store.fill(result, [0, 1], 2, str)
+
+    command = Command("drives", None, run)
+    with monkeypatch.context() as patched:
+        patched.setattr("benchmarks.runs.drive_file.finished", deadly)
+        assert command([]) == 1
+    assert "again and again: 1; give the same command again" in capsys.readouterr().err
+    assert json.loads((tmp_path / "o.json").read_text())["drives"] == [result(0)]
+    with monkeypatch.context() as patched:
+        patched.setattr("benchmarks.runs.drive_file.write_whole", full)
+        assert command([]) == 1
+    assert "o.json: OSError: No space left" in capsys.readouterr().err
 
 
 def test_a_file_whose_text_holds_half_a_surrogate_pair_is_continued(tmp_path):

@@ -64,6 +64,16 @@ def beside(task, executor, **changes):
     return driver
 
 
+def masked():
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_ctrl_c_does_not_reach_the_process_of_the_searches_while_it_starts():
+    process = SearchProcess()
+    assert process.submit(masked).result()
+    process.shutdown()
+
+
 def test_a_search_that_never_ends_delays_no_step_and_the_last_path_is_driven_safely():
     task, search = straight(), Withheld()
     driver = beside(task, search)
