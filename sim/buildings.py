@@ -25,8 +25,7 @@ def sources(names: tuple[str, ...]) -> list[str]:
 
     Raises:
         UsageError: if a name is neither a family, nor a map file, nor a folder with map files; if
-            a family or file is named twice; if two files, or a file and a family, have the same
-            name.
+            a family or file is named twice.
     """
     places: list[str] = []
     for name in names:
@@ -49,14 +48,6 @@ def sources(names: tuple[str, ...]) -> list[str]:
     for name in places:
         if places.count(name) > 1:
             raise UsageError(f"--world: {name} is given twice: its tasks would be driven twice")
-    named = dict[str, str]()
-    for place in places:
-        other = named.setdefault(Path(place).stem, place)
-        if other != place:
-            raise UsageError(
-                f"--world: {other} and {place} are of the same name, by which results tell "
-                "buildings apart: rename one"
-            )
     return places
 
 

@@ -130,12 +130,20 @@ def input_hashes(settings: Settings) -> dict[str, str]:
     """Return the hash of each map file, and of the file of given tasks, after checking them.
 
     Raises:
-        UsageError: if `world` names no buildings, not the maps of the tasks, or several buildings
-            for a single given task.
+        UsageError: if `world` names no buildings, files of the same name, not the maps of the
+            tasks, or several buildings for a single given task.
         MapError: if a map cannot be read.
         TaskFileError: if the file of tasks is broken, or a start or a goal is not free.
     """
     hashes = map_hashes(settings.world)
+    named = dict[str, str]()
+    for path in hashes:
+        other = named.setdefault(Path(path).stem, path)
+        if other != path and settings.draws_tasks:
+            raise UsageError(
+                f"--world: {other} and {path} have the same name, by which results tell buildings "
+                "apart: rename one"
+            )
     if settings.tasks is not None:
         hashes[settings.tasks] = TaskFile.read(Path(settings.tasks)).digest
     if not settings.draws_tasks:
@@ -219,7 +227,7 @@ def _tasks_of_file(path: str, places: list[str]) -> list[tuple[str, GivenTask]]:
     for task in file.tasks:
         count = len(named.get(task.map, ()))
         if count != 1:
-            what = f"--world has no map {task.map}"
+            what = f"--world has {'no' if count == 0 else 'more than one'} map {task.map}"
             if task.map is None:
                 what = f"a task must name its map, since --world has {count}"
             raise UsageError(f"--tasks {path}: {what}")

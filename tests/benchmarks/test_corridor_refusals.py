@@ -7,6 +7,8 @@ import re
 import pytest
 from comparison import run
 
+from sim import empty_straight, save_world
+
 
 @pytest.mark.parametrize(
     "words",
@@ -69,6 +71,17 @@ def test_broken_maps_exit_with_two_and_one_line(name, tmp_path, capsys):
     broken_maps(tmp_path)
     assert run("--world", tmp_path / name, "--out", tmp_path / "run") == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_maps_of_the_same_name_are_refused_in_one_line(tmp_path, capsys):
+    for floor in ("ground", "first"):
+        (tmp_path / floor).mkdir()
+        save_world(empty_straight(20.0, 3.0), tmp_path / floor / "map.yaml")
+    floors = [str(tmp_path / floor) for floor in ("ground", "first")]
+    assert run("--world", *floors, "--out", tmp_path / "out") == 2
+    said = capsys.readouterr().err
+    assert "have the same name" in said
+    assert said.count("\n") == 1
 
 
 def test_a_folder_of_another_run_is_refused_in_one_line_and_left_alone(narrow, capsys):

@@ -99,7 +99,7 @@ def test_tasks_are_of_the_maps_that_world_names(tmp_path, short_map):
     }
     for maps, message in (
         ((other,), "no map straight"),
-        ((short_map, double), "straight.yaml are of the same name"),
+        ((short_map, double), "more than one map straight"),
         (("corridor",), "without families"),
     ):
         with pytest.raises(UsageError, match=message):
