@@ -52,7 +52,8 @@ def mark_visible(marks, x, y, first, step, ranges, longest, bounds):  # type: ig
         bounds: `SensingBounds`.
     """
     rows, cols = marks.shape
-    lowest = _lowest(_without_gaps(ranges, longest, abs(step)))
+    free = _without_gaps(ranges, longest, abs(step))
+    lowest, farthest = _lowest(free), free.max()
     count = ranges.size
     full = abs(step) * count >= 2.0 * math.pi - 1e-6
     for row in range(rows):
@@ -60,16 +61,20 @@ def mark_visible(marks, x, y, first, step, ranges, longest, bounds):  # type: ig
             dx, dy = col + 0.5 - x, row + 0.5 - y
             away = math.hypot(dx, dy)
             radius = bounds.position + bounds.yaw * away + 0.5 * _DIAGONAL
-            if away <= radius:
+            near = away + radius + bounds.range + _DIAGONAL
+            if away <= radius or farthest < near:
                 continue
-            half = math.asin(radius / away)
             turn = math.atan2(dy, dx) - first
             turn = (turn if step > 0.0 else -turn) % (2.0 * math.pi)
+            # The beam towards the middle of the cell alone decides for most cells, and is cheap.
+            middle = int(turn / abs(step))
+            if (middle >= count and not full) or free[middle % count] < near:
+                continue
+            half = math.asin(radius / away)
             begin = math.floor((turn - half) / abs(step))
             end = math.ceil((turn + half) / abs(step))
             if not full and (begin < 0 or end >= count):
                 continue
-            near = away + radius + bounds.range + _DIAGONAL
             if _least(lowest, begin, end, count) >= near:
                 marks[row, col] = 1
     for beam in range(count):

@@ -29,14 +29,12 @@ BOUNDS = {
 }
 
 
-def corners(pose):
-    """Return the corners of the body at a pose, (4, 2) [m]."""
-    ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
-    left = np.array([-ahead[1], ahead[0]])
-    half, width = CAR.body.halves
-    return np.array(
-        [pose[:2] + a * half * ahead + b * width * left for a in (-1, 1) for b in (-1, 1)]
-    )
+def corners(poses):
+    """Return the corners of the body at poses (n, 3), (n, 4, 2) [m]."""
+    cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turns = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), -1, 0)
+    corner = np.array([(a, b) for a in (-1, 1) for b in (-1, 1)]) * CAR.body.halves
+    return poses[:, None, :2] + np.einsum("nij,kj->nki", turns, corner)
 
 
 def driven(actuators, car, state, control):
@@ -108,13 +106,12 @@ def _follows(bounds, tube, states, controls, car, state, actuators, rng):
     poses.append(states[-1, :3])
     around.append(radius[-2])
     poses, around = np.array(poses), np.array(around)
-    bodies = np.array([corners(pose) for pose in poses])
+    bodies = corners(poses)
     x, y, yaw = poses[-1]
     turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
-    for pose, time in zip(path, times, strict=True):
+    for body, time in zip(corners(np.array(path)), times, strict=True):
         if time < bounds.shift + 0.5 * bounds.jitter:
             continue
-        body = corners(pose)
-        off = np.hypot(*np.moveaxis(bodies - body, -1, 0)).max(axis=1) - around
+        off = np.sqrt(((bodies - body) ** 2).sum(axis=2).max(axis=1)) - around
         beyond = np.abs((body - (x, y)) @ turn) - np.array(CAR.body.halves) - radius[-1]
         assert min(off.min(), beyond.max()) <= 0.003, (off.min(), beyond.max())

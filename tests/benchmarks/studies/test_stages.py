@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from benchmarks.studies.performance import __main__ as stages
-from benchmarks.studies.performance import beside, rates, stage_times, throughput
+from benchmarks.studies.performance import beside, peers, rates, stage_times, throughput
 from benchmarks.studies.performance import sized_maps as places
 from benchmarks.studies.performance.__main__ import main
 from benchmarks.studies.performance.stage_times import spread, timed
@@ -75,6 +75,7 @@ def quick(monkeypatch):
         ("RISK_MAPS", 2),
     ):
         monkeypatch.setattr(rates, name, few)
+    monkeypatch.setattr(peers, "REPEATS", 10)
     plain = stage_times.closed_loop
 
     def short(arm, drives, seed):
