@@ -85,6 +85,15 @@ def _spare(field, circles, x, y, yaw):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _along(x, y, yaw, side, part, radius):  # type: ignore[no-untyped-def]
+    """Return the pose after a part of an arc to a side: −1, 0 or 1."""
+    turn = 2.0 * math.pi / HEADINGS
+    half = 0.5 * side * turn * part
+    straight = radius * turn * part if side == 0 else 2.0 * radius * math.sin(abs(half))
+    return x + straight * math.cos(yaw + half), y + straight * math.sin(yaw + half), yaw + 2.0 * half
+
+
+@njit(cache=True, nogil=True)
 def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no-untyped-def]
     """Find the cheapest paths from a pose, over arcs to the left, straight on and to the right.
 
@@ -157,26 +166,21 @@ def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no
             following = np.concatenate((following, np.empty_like(following)))
         x, y, yaw = poses[node, 0], poses[node, 1], poses[node, 2]
         for side in range(-1, 2):
+            end_x, end_y, end_yaw = _along(x, y, yaw, side, 1.0, radius)
+            heading = (headings[node] + side) % HEADINGS
+            end_row = int((end_y - origin[1]) / CELL)
+            end_col = int((end_x - origin[0]) / CELL)
+            # Before the body is tested, which takes longer.
+            inside = 0 <= end_row < rows and 0 <= end_col < cols
+            if inside and closed[end_row, end_col, heading]:
+                continue
             spare = np.inf
-            end_x, end_y, end_yaw = x, y, yaw
             for check in range(1, CHECKS + 1):
-                part = check / CHECKS
-                half = 0.5 * side * turn * part
-                straight = length * part if side == 0 else 2.0 * radius * math.sin(abs(half))
-                end_x = x + straight * math.cos(yaw + half)
-                end_y = y + straight * math.sin(yaw + half)
-                end_yaw = yaw + 2.0 * half
-                spare = min(spare, _spare(field, circles, end_x, end_y, end_yaw))
+                pose = _along(x, y, yaw, side, check / CHECKS, radius)
+                spare = min(spare, _spare(field, circles, pose[0], pose[1], pose[2]))
                 if spare < 0.0:
                     break
             if spare < 0.0:
-                continue
-            heading = (headings[node] + side) % HEADINGS
-            if closed[
-                int((end_y - origin[1]) / CELL),
-                int((end_x - origin[0]) / CELL),
-                heading,
-            ]:
                 continue
             price = 20 + abs(side) + int(20.0 * max(0.0, 1.0 - spare / comfort))
             poses[proposed, 0], poses[proposed, 1], poses[proposed, 2] = end_x, end_y, end_yaw

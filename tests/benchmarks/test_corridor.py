@@ -197,8 +197,8 @@ def test_the_figures_and_traces_are_there(narrow):
 
 def test_an_episode_is_that_of_its_seed_with_noise_too():
     common = {"world": ("corridor",), "noise": 0.03, "dropout": 0.1}
-    second, a = drive(Settings(**common, seed=0), 1, "known")
-    first, b = drive(Settings(**common, seed=1), 0, "known")
+    second, a = drive(Settings(**common, seed=35), 1, "known")
+    first, b = drive(Settings(**common, seed=36), 0, "known")
     assert replace(second, index=0, cycle_ms=[]) == replace(first, cycle_ms=[])
     assert np.array_equal(a.states, b.states)
 

@@ -190,6 +190,8 @@ def test_families_that_were_learned_from_are_scored_together_too(tmp_path):
         "--world",
         "corridor",
         "office",
+        "--seed",
+        13,
         "--drives",
         1,
         "--predictors",

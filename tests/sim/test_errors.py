@@ -94,7 +94,7 @@ def test_decisions_are_missing_for_a_few_ticks_at_most_and_never_in_the_first():
 @pytest.mark.parametrize("name", [*BOUNDS])
 def test_a_car_that_is_told_the_bounds_reaches_its_goal(name):
     settings = Settings(
-        world=("corridor",), route="fixed", predictor="none", seed=20000, **BOUNDS[name]
+        world=("corridor",), route="fixed", predictor="none", seed=20006, **BOUNDS[name]
     )
     result = drive(settings, 0, "backup").result
     assert result.outcome == "reached"

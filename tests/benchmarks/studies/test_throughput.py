@@ -64,7 +64,7 @@ def test_a_process_that_dies_is_told_of_in_one_line():
 def test_drives_are_done_in_processes_of_their_own():
     reports = []
     started = time.perf_counter()
-    done = driven(Settings(arms=("known",)), [(1, "known")], 1, reports.append)
+    done = driven(Settings(arms=("known",)), [(36, "known")], 1, reports.append)
     assert len(done) == len(reports) == 1
     assert sum(d.wall for d in done) < time.perf_counter() - started
     for drive in done:
