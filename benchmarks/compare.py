@@ -54,7 +54,8 @@ def drive(
         CarFileError: if `car` cannot be read.
         UsageError: if a setting cannot be used, or no shipped calibration is for these drives; if
             `calibration` or `uncertified` is given without a `risk` above 0.
-        CalibrationError: if the calibration is for other settings, or only for larger risks.
+        CalibrationError: if the calibration is for other settings, or only for larger risks, or was
+            made with drives in the same building.
     """
     unknown = settings.keys() - {field.name for field in fields(Settings)}
     if unknown:
