@@ -90,7 +90,8 @@ def _along(x, y, yaw, side, part, radius):  # type: ignore[no-untyped-def]
     turn = 2.0 * math.pi / HEADINGS
     half = 0.5 * side * turn * part
     straight = radius * turn * part if side == 0 else 2.0 * radius * math.sin(abs(half))
-    return x + straight * math.cos(yaw + half), y + straight * math.sin(yaw + half), yaw + 2.0 * half
+    end_x, end_y = x + straight * math.cos(yaw + half), y + straight * math.sin(yaw + half)
+    return end_x, end_y, yaw + 2.0 * half
 
 
 @njit(cache=True, nogil=True)
