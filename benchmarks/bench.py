@@ -115,13 +115,14 @@ def _run(settings: RaceSettings) -> None:
         "risk": entry.risk,
         "level": entry.level,
         "uncertified": entry.uncertified,
+        "calibration": settings.calibration and str(settings.calibration),
         "revision": revision_of(suite.route),
         "version": own_version(),
         "machine": machine(),
     }
     # Of a plug-in, older files cover the file of its class alone.
     older = {"sources": list(entry.sources[:1]), "risk": 0.0, "level": 0.0, "uncertified": False}
-    older["revision"] = FIRST
+    older |= {"calibration": None, "revision": FIRST}
     warm_up_if_cold()
     file = DriveFile(settings.out, "race", facts, "buildings", older)
     file.fill(

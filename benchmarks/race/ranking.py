@@ -29,6 +29,7 @@ FACTS = {
     "entry": dict[str, str | None],
     "risk": float,
     "uncertified": bool,
+    "calibration": str | None,
     "machine": dict[str, str | int | dict[str, str] | None],
 }
 """Settings that each file of a race must have, and their types."""
@@ -62,7 +63,8 @@ class Entrant:
             UsageError: if it is none, or has not all of its drives.
         """
         content = read_drives(path, "race", {"index": int, "map": str})
-        settings = {"risk": 0.0, "uncertified": False} | content["settings"]
+        older = {"risk": 0.0, "uncertified": False, "calibration": None}
+        settings = older | content["settings"]
         wrong = [name for name, hint in FACTS.items() if not fits(settings.get(name), hint)]
         if wrong:
             raise UsageError(f"{path} is no file of foresee bench: it has no proper {wrong[0]}")
@@ -239,12 +241,17 @@ def _repeat(suite: Suite, entrant: Entrant) -> list[str]:
     settings, entry = entrant.settings, entrant.settings["entry"]
     size = "small" if settings["buildings"] == suite.count("small") else "full"
     commits = {drive.commit for drive in entrant.drives}
+    words = ["foresee bench --suite", settings["suite"], "--size", size]
+    words += [f"--{entry.get('kind')}", str(entry.get("of"))]
+    if settings["risk"]:
+        words += ["--risk", f"{settings['risk']:g}"]
+    if settings["calibration"]:
+        words += ["--calibration", settings["calibration"]]
+    if settings["uncertified"]:
+        words.append("--uncertified")
     return [
         entrant.name,
-        f"`foresee bench --suite {settings['suite']} --size {size} --{entry.get('kind')} "
-        f"{entry.get('of')}"
-        + (f" --risk {settings['risk']:g}" if settings["risk"] else "")
-        + (" --uncertified`" if settings["uncertified"] else "`"),
+        f"`{' '.join(words)}`",
         ", ".join(sorted(str(c)[:SHORT] for c in commits)),
         str(entry.get("fingerprint") or DASH)[:SHORT],
         str(settings["machine"].get("processor", DASH)),

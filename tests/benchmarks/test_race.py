@@ -215,7 +215,8 @@ def test_a_risk_without_a_certificate_is_said_in_the_ranking(files, tmp_path, mo
     assert settings["uncertified"] is True
 
     def at_risk_too(content):
-        content["settings"] |= {"risk": 0.05, "uncertified": True}
+        changes = {"risk": 0.05, "uncertified": True, "calibration": "mine.json"}
+        content["settings"] |= changes
         for drive_ in content["drives"]:
             drive_ |= {"uncertified": True, "learned": True}
 
@@ -226,7 +227,7 @@ def test_a_risk_without_a_certificate_is_said_in_the_ranking(files, tmp_path, mo
     learned = len(json.loads(bold.read_text())["drives"])
     remark = f"stop (not certified, trained in {learned} of these buildings)"
     assert page.count(remark) == 1
-    assert page.count("--risk 0.05 --uncertified`") == 1
+    assert page.count("--risk 0.05 --calibration mine.json --uncertified`") == 1
 
 
 @pytest.mark.slow(20)
