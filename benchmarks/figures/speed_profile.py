@@ -20,7 +20,7 @@ from benchmarks.figures.palette import (
 )
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import RunError, Trace
+from benchmarks.runs.trace import Trace
 from foresee.infra.drawing import INK, new_figure, short_name
 
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
@@ -101,21 +101,18 @@ def _drives(runs: Sequence[Run], index: int) -> list[_Drive]:
     labels = [run.label for run in runs]
     if len(set(labels)) < len(labels):
         labels = [str(run.directory) for run in runs]
-    drives = [
+    # If no run has the episode, the first one says which it has.
+    numbers = [number for number, run in enumerate(runs) if index in run.indices] or [0]
+    return [
         _Drive(
             arm if len(runs) == 1 else f"{short_name(labels[number])}: {arm}",
             number,
-            run.drives[index, arm],
-            run.trace(index, arm),
+            runs[number].drives[index, arm],
+            runs[number].trace(index, arm),
         )
-        for number, run in enumerate(runs)
-        if index in run.indices
-        for arm in run.driven_arms(index)
+        for number in numbers
+        for arm in runs[number].driven_arms(index)
     ]
-    if not drives:
-        has = ", ".join(map(str, runs[0].indices))
-        raise RunError(f"{runs[0].directory} has no episode {index}: it has {has}")
-    return drives
 
 
 def _profiles(ax: Axes, drives: list[_Drive], v_max: float) -> None:

@@ -357,7 +357,7 @@ class Guide:
         """Return whether the car must complete a path of hybrid A* before it replans.
 
         The path counts up to the end of its drivable part, also where it was smoothed again.
-        Replanning as soon as the arcs end was tried, and gained no time.
+        Replanning as soon as the arcs end was tried, and saved no time for certain.
         """
         path = self._whole
         if path is None or path.source != "hybrid" or self.path is not path:

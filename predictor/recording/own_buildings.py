@@ -187,8 +187,7 @@ def _buildings(names: tuple[str, ...]) -> list[list[Path]]:
 def _too_deep(names: tuple[str, ...]) -> list[str]:
     """Return a line for each folder with maps or logs that lies too deep in the given folders."""
     folders = [path for path in map(Path, names) if is_folder(path)]
-    inner = [each for path in folders for each in sorted(path.iterdir()) if is_folder(each)]
-    deep = [each for path in inner for each in sorted(path.iterdir()) if is_folder(each)]
+    deep = [each for path in folders for each in sorted(path.glob("*/*")) if is_folder(each)]
     why = "it lies too deep: a folder may hold files, and folders of files"
     return [f"{each}: {why}" for each in deep if _files(each)]
 
