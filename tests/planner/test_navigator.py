@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from concurrent.futures import Future
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from foresee.mapping.grid import FREE, HIGHEST, LOWEST, OCCUPIED, Grid, GridFram
 from foresee.mapping.scan import Scan
 from foresee.prediction import Prediction
 from planner.fault import Fault
-from planner.guide.path_search import Found, SearchMemory
 from planner.motion.path import Path as Way
 from planner.mpc.mpc import MPCConfig, Solution, Status
 from planner.navigator import Navigator
@@ -111,55 +109,6 @@ def test_without_a_safe_plan_what_was_kept_is_sent_as_it_was_tested():
             state = sim.step(state, control, span)
     assert opened > 10
     assert state[3] == 0.0
-
-
-@pytest.mark.parametrize("speed", [-0.4, 0.0])
-def test_a_turn_on_the_spot_is_taken_over_only_by_a_car_that_stands(speed):
-    car = CarLimits(v_max=2.0, reverse=0.5, turn_rate=1.5, turning_radius=0.3)
-    driver = Navigator(
-        NavigatorConfig(car=car), None, np.zeros(3), (8.0, 0.0), free_all_round(0.05)
-    )
-    decision = driver.step(np.zeros(4), BLIND)
-    guide = driver.guide
-    guide.gear = -1
-    request = guide._request(
-        0, True, np.zeros(4), np.zeros(4), driver.known, decision.risk_map, None
-    )
-    guide._running = Future()
-    guide._running.set_result(Found(request, SearchMemory(), turn_to=1.5))
-    guide.take(np.array([0.0, 0.0, 0.0, speed]))
-    assert (guide.turn_to, guide.gear) == ((None, -1) if speed else (1.5, 1))
-
-
-def with_legs(x, speed):
-    """A guide whose search has found a manoeuvre at the origin, taken over at x and a speed."""
-    driver = Navigator(NavigatorConfig(), None, np.zeros(3), (8.0, 0.0), free_all_round(0.05))
-    decision = driver.step(np.zeros(4), BLIND)
-    guide = driver.guide
-    request = guide._request(
-        0, True, np.zeros(4), np.zeros(4), driver.known, decision.risk_map, None
-    )
-    legs = [(1, Way.through(np.array([[0.0, 0.0], [1.0, 0.0]]), "hybrid"))]
-    guide._running = Future()
-    guide._running.set_result(Found(request, SearchMemory(), legs=legs))
-    guide.take(np.array([x, 0.0, 0.0, speed]))
-    return guide
-
-
-@pytest.mark.parametrize(
-    ("x", "speed", "taken"),
-    [(0.1, 0.0, True), (0.0, 0.3, True), (0.0, 1.0, False), (0.2, 0, False)],
-)
-def test_a_manoeuvre_is_taken_over_only_by_a_car_that_can_stop_where_it_begins(x, speed, taken):
-    guide = with_legs(x, speed)
-    assert guide.awaits_leg(np.array([x, 0.0, 0.0, 0.0])) == taken
-
-
-def test_a_manoeuvre_is_given_up_when_the_car_has_come_away_from_where_it_begins():
-    guide = with_legs(0.0, 0.3)
-    assert not guide.awaits_leg(np.array([0.1, 0.0, 0.0, 0.3]))
-    assert not guide.awaits_leg(np.array([0.2, 0.0, 0.0, 0.3]))
-    assert not guide.awaits_leg(np.zeros(4))
 
 
 @pytest.mark.parametrize(
