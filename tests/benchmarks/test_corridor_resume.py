@@ -170,9 +170,9 @@ def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
         "--episodes",
         2,
         "--arms",
-        "known,predicted",
+        "known,backup",
         "--predictor",
-        "extend",
+        "none",
     )
     for jobs in (1, 2):
         assert run(*command, "--jobs", jobs, "--out", tmp_path / str(jobs)) == 0
@@ -195,6 +195,6 @@ def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
         address = cluster.scheduler_address
         assert run(*command, "--dask", address, "--out", tmp_path / "dask") == 0
     assert killed
-    assert [e["arm"] for e in results(tmp_path / "1")["episodes"]] == 2 * ["known", "predicted"]
+    assert [e["arm"] for e in results(tmp_path / "1")["episodes"]] == 2 * ["known", "backup"]
     for other in ("2", "dask"):
         assert_same_drives(tmp_path / other, tmp_path / "1")

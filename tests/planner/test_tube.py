@@ -55,7 +55,7 @@ def test_the_car_stays_in_the_tube_of_every_plan(name, seed, bends):
     car, actuators = DubinsCar(CAR), Actuators(bounds, rng)
     sent, estimate = SentControls(CAR, bounds, DT), PoseEstimate(bounds, rng)
     state = np.zeros(4)
-    for _ in range(40):
+    for _ in range(25):
         ahead, tube = sent.at_effect(estimate.of(state))
         # A plan that turns, brakes after a while, and holds the brake.
         controls = np.column_stack(

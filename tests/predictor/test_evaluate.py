@@ -1,6 +1,7 @@
 """Scoring predictors along drives, over worlds and maps."""
 
 import json
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
@@ -114,25 +115,16 @@ def test_bad_arguments_are_one_line_and_leave_nothing_behind(wrong, tmp_path, ca
     assert not (tmp_path / "out").exists()
 
 
-def test_a_damaged_part_is_scored_again(maps, tmp_path):
-    command = (
-        "--world",
-        maps / "hall.yaml",
-        "--drives",
-        1,
-        "--predictors",
-        "none",
-        "--jobs",
-        1,
-        "--out",
-        tmp_path,
-    )
-    assert run(*command) == 0
-    before = json.loads((tmp_path / "results.json").read_text())["groups"]
-    (part,) = (tmp_path / "parts").iterdir()
+def test_a_damaged_part_is_scored_again(evaluated, tmp_path):
+    was, command = evaluated
+    out = tmp_path / "out"
+    shutil.copytree(was, out)
+    part, _ = sorted((out / "parts").iterdir())
     part.write_bytes(part.read_bytes()[:500])
-    assert run(*command) == 0
-    after = json.loads((tmp_path / "results.json").read_text())["groups"]
+    assert run(*command[:-1], out) == 0
+    before, after = (
+        json.loads((folder / "results.json").read_text())["groups"] for folder in (was, out)
+    )
     for groups in (before, after):
         for row in next(iter(groups.values()))["predictors"].values():
             row.pop("ms", None)

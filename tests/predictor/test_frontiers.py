@@ -215,7 +215,7 @@ def test_the_truth_tells_which_end_of_a_corridor_leads_to_the_goal():
 
 @pytest.mark.slow(12)
 def test_an_exploration_makes_the_same_samples_again_and_they_are_of_its_building():
-    task = sample_task(generate("office", 1), 1, CAR)
+    task = sample_task(generate("office", 13), 13, CAR)
     for policy in range(POLICIES):
         once, again = (explore(task, policy, np.random.default_rng(1)) for _ in range(2))
         assert len(once) > 20
@@ -284,7 +284,7 @@ def test_the_card_beside_the_shipped_weights_is_theirs():
 @pytest.mark.slow(7)
 def test_the_shipped_weights_steer_a_drive():
     settings = {"arms": ("known", "known+frontiers"), "vehicle": "reeds-shepp"}
-    run = compare("office", seed=5, **settings)
+    run = compare("office", seed=13, **settings)
     assert [one.outcome for one in run.episodes] == ["reached", "reached"]
     assert all(one.faults.get("frontiers_failed", 0) == 0 for one in run.episodes)
 
@@ -297,15 +297,15 @@ def test_arms_that_choose_a_route_are_not_driven_on_a_prescribed_one():
 @pytest.mark.slow(8)
 def test_a_training_resumes_and_its_weights_predict(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    options = ["--train", "2", "--validation", "1", "--families", "office", "--jobs", "1"]
+    options = ["--train", "1", "--validation", "1", "--families", "office", "--jobs", "1"]
     assert main([*options, "--steps", "3", "--out", "whole"]) == 0
     assert "of the best constant" in capsys.readouterr().out
     # Buildings that are there are not explored again.
     monkeypatch.setattr(exploration, "explore", None)
     assert main([*options, "--steps", "3", "--out", "whole"]) == 0
     # A folder of another training is refused before anything is explored.
-    assert main([*options, "--train", "3", "--steps", "3", "--out", "whole"]) == 2
-    assert "train 2" in capsys.readouterr().err
+    assert main([*options, "--train", "2", "--steps", "3", "--out", "whole"]) == 2
+    assert "train 1" in capsys.readouterr().err
     weights = tmp_path / "whole" / "frontiers.safetensors"
     _, facts = load_weights(weights, FrontierNet)
     assert facts["samples"] == len(FrontierSamples.load(FrontiersConfig().data / "train"))

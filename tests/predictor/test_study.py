@@ -3,12 +3,12 @@
 import dataclasses
 import itertools
 import math
-import os
 import re
 
 import pytest
 from generated_frames import generated, write_frames
 
+from foresee.infra.workers import LostError
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import EXPANSIONS, ImageConfig
 from predictor.study import ORDER, main
@@ -115,17 +115,14 @@ def test_when_time_is_up_it_stops_and_goes_on_another_time(data, tmp_path, monke
     assert list(again.state.values()) == ["finished", "finished"]
 
 
-class Dying(Training):
-    """A training whose process is killed."""
+def test_a_process_that_dies_is_shown_and_stops_no_other(data, tmp_path, monkeypatch):
+    dying, other = (training_of(data, tmp_path, expansion=of) for of in (1.1, 1.3))
 
-    def train(self, end):
-        os.kill(os.getpid(), 9)
+    def finished(work, todo, jobs):
+        yield other, "finished"
+        raise LostError([dying])
 
-
-@pytest.mark.slow(12)
-def test_a_process_that_dies_is_shown_and_stops_no_other(data, tmp_path):
-    one, other = training_of(data, tmp_path), training_of(data, tmp_path, expansion=1.3)
-    dying = Dying(**vars(one))
+    monkeypatch.setattr(parallel_trainings, "finished", finished)
     both = Study([dying, other], tmp_path)
     both.train(jobs=2)
     assert both.failures() == 1

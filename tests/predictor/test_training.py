@@ -120,10 +120,10 @@ def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, mon
 
 
 def test_it_learns(data, tmp_path, small):
-    longer = CompactTraining(steps=60, batch=4, warmup=10)
-    trainer(data, tmp_path, longer, note_every=20).run()
+    longer = CompactTraining(steps=30, batch=4, warmup=5)
+    trainer(data, tmp_path, longer, note_every=10).run()
     losses = [json.loads(line)["loss"] for line in (tmp_path / "log.jsonl").open()]
-    assert losses[-1] < 0.8 * losses[0]
+    assert losses[-1] < 0.9 * losses[0]
     assert (tmp_path / "curve.png").stat().st_size > 5000
 
 
@@ -224,7 +224,7 @@ def test_weights_are_not_validated_on_what_they_have_learned(data, tmp_path, sma
 @pytest.mark.slow(30)
 def test_one_command_makes_samples_and_weights_and_goes_on_when_killed_without_warning(tmp_path):
     data = tmp_path / "data"
-    command = ["--data", str(data), "--train", "1", "--validation", "1", "--steps", "12"]
+    command = ["--data", str(data), "--train", "1", "--validation", "1", "--steps", "4"]
     command += ["--batch", "2", "--jobs", "1"]
     assert main([*command, "--out", str(tmp_path / "whole")]) == 0
     assert len(Samples.load(data / "train")) > 20

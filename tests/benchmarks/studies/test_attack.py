@@ -35,7 +35,7 @@ UNSEEN = Grid(GridFrame(0.05, (0.0, 0.0), (40, 40)), np.full((40, 40), -1, np.in
 
 @pytest.mark.parametrize("index", range(len(KINDS)), ids=list(KINDS))
 def test_a_drive_with_a_hostile_predictor_ends_well_and_its_faults_are_counted(index):
-    found = attacked(attack.SEED, 3.0, index)
+    found = attacked(attack.SEED, 1.5, index)
     assert found["kind"] == list(KINDS)[index]
     assert found["outcome"] != NO_TASK
     assert list(failures([found])) == []
