@@ -11,10 +11,12 @@ same command is given again.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Annotated
 
-from foresee.infra.command_line import Command
+from foresee.infra.command_line import Command, Section
 from foresee.infra.options import Options, jobs_option
+from predictor.data.bag_config import BagConfig
 from predictor.recording.settings import DrivesConfig
 
 
@@ -25,11 +27,13 @@ class Place(Options):
     jobs: int = jobs_option()
 
 
-def _run(config: DrivesConfig, place: Place) -> None:
+def _run(
+    config: DrivesConfig, topics: Annotated[BagConfig, Section("bags of --world")], place: Place
+) -> None:
     # Imported here, so that --help does not wait for slow imports.
     from predictor.recording.training_drives import make
 
-    make(config, place.jobs)
+    make(replace(config, topics=topics), place.jobs)
 
 
 main = Command("predictor.drives", __doc__, _run)

@@ -21,6 +21,7 @@ from typing import Annotated
 from foresee.infra.command_line import Command, Section
 from foresee.infra.options import Options, given, jobs_option, option
 from predictor.data import SIMULATED
+from predictor.data.bag_config import BagConfig
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS
 from predictor.recording.settings import DrivesConfig
@@ -144,17 +145,18 @@ def _run(
     settings: TrainSettings,
     compact: Annotated[CompactOptions, Section(COMPACT)],
     drives: Annotated[DrivesConfig, RECORDED],
+    topics: Annotated[BagConfig, Section(f"bags of --world; {COMPACT}")],
     network: Annotated[NetworkOptions, Section("the paper's networks alone")],
 ) -> None:
     on_samples = settings.arch in ON_SAMPLES
     if on_samples:
         wrong, owner = network.changed(), "the paper's networks'"
     else:
-        wrong, owner = compact.changed() + drives.changed(), "compact's"
+        wrong, owner = compact.changed() + drives.changed() + topics.changed(), "compact's"
     if wrong:
         raise TrainError(f"{wrong[0]} is {owner}, not {settings.arch}'s")
     if on_samples:
-        path = _train_on_samples(settings, compact, drives)
+        path = _train_on_samples(settings, compact, replace(drives, topics=topics))
     else:
         path = _train_network(settings, network)
     print(path)

@@ -17,6 +17,7 @@ from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import world_hash
 from foresee.mapping.resampling import resampled
 from predictor.data import LOG_FORMATS
+from predictor.data.bag_config import BagConfig
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.log_files import is_folder, is_log, read_log
 from predictor.data.survey import REACH, frame_around
@@ -67,7 +68,7 @@ class OwnBuildings:
     skipped: tuple[str, ...] = ()
 
     @classmethod
-    def read(cls, names: tuple[str, ...]) -> OwnBuildings:
+    def read(cls, names: tuple[str, ...], topics: BagConfig | None = None) -> OwnBuildings:
         """Read the maps and logs that are given, and split them by building.
 
         Each file counts as one building, except that all files in a subfolder of a given folder
@@ -78,6 +79,7 @@ class OwnBuildings:
 
         Args:
             names: paths of map files, of logs, and of folders.
+            topics: topics of the bags among them; None: the only ones.
 
         Raises:
             UsageError: if a path is none of these, or no building can be used.
@@ -88,7 +90,7 @@ class OwnBuildings:
             good: dict[str, str] = {}
             for path in paths:
                 try:
-                    content = _hash(path)
+                    content = _hash(path, topics)
                 except (MapError, LogError, NoTaskError) as error:
                     reason = one_line(error)
                     skipped.append(reason if str(path) in reason else f"{path}: {reason}")
@@ -139,7 +141,7 @@ def log_hash(log: LaserLog) -> str:
     return digest.hexdigest()
 
 
-def _hash(path: Path) -> str:
+def _hash(path: Path, topics: BagConfig | None) -> str:
     """Read a map or a log, and return its hash.
 
     Raises:
@@ -150,7 +152,7 @@ def _hash(path: Path) -> str:
         world = read_building(path)
         task_in_world(world, 0)
         return world_hash(world.grid.cells)
-    log = read_log(path)
+    log = read_log(path, topics)
     frame_around(log.poses, REACH)
     if not any(np.isfinite(scan.ranges).any() for scan in log.scans):
         raise LogError("no scan has a finite range")

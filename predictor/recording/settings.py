@@ -11,6 +11,7 @@ from pathlib import Path
 from foresee.infra.options import Options, option
 from foresee.mapping.family_names import FAMILIES
 from predictor.data import LOG_FORMATS
+from predictor.data.bag_config import BagConfig
 
 LEARNED = (
     "corridor",
@@ -36,6 +37,7 @@ class DrivesConfig(Options):
         longest: distance after which a walk ends [m], to have more buildings instead.
         views: number of replays of each walk with other LIDARs.
         every: scans from one sample to the next.
+        topics: topics of the bags among `world`; None: the only ones.
     """
 
     out: Path = option(Path("data/drives"), "folder of the samples", "DIR")
@@ -75,6 +77,7 @@ class DrivesConfig(Options):
         low=0,
         high=1,
     )
+    topics: BagConfig | None = None
 
 
 @dataclass(frozen=True)

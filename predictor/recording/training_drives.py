@@ -24,6 +24,7 @@ from foresee.infra.resumable import ResumableFolder
 from foresee.mapping.context import SIDE as CONTEXT_SIDE
 from foresee.mapping.grid import Grid, OccupancyGrid, world_hash
 from foresee.mapping.polyline import arc_length
+from predictor.data.bag_config import BagConfig
 from predictor.data.frames import MANIFEST
 from predictor.data.laser_log import LaserLog
 from predictor.data.log_files import is_log, read_log
@@ -73,7 +74,7 @@ def record(config: DrivesConfig, own: OwnBuildings, item: Item) -> tuple[int, st
     rng = np.random.default_rng(seed)
     kind, path = draw_place(config, own, split, number)
     if path is not None and is_log(path):
-        log, truth, drawn = _surveyed(path)
+        log, truth, drawn = _surveyed(path, config.topics)
         driven_through, made = drawn, _replayed(config, log, truth, rng, STRETCH)
     else:
         world = generate(kind, seed) if path is None else read_building(path)
@@ -163,9 +164,9 @@ def _logged(
 
 
 @lru_cache(maxsize=2)
-def _surveyed(path: Path) -> tuple[LaserLog, Grid, str]:
+def _surveyed(path: Path, topics: BagConfig | None) -> tuple[LaserLog, Grid, str]:
     """Return a log, its map, and its hash."""
-    log = read_log(path)
+    log = read_log(path, topics)
     return log, _survey_log(log), log_hash(log)
 
 
@@ -230,9 +231,11 @@ def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset())
     Raises:
         UsageError: if the folder holds samples that were made with other settings, or if
             `config.world` names no usable building, or a building in `learned` that would be held
-            out.
+            out, or is empty although topics are given.
     """
-    own = OwnBuildings.read(config.world)
+    if config.topics and not config.world and (without := config.topics.changed()):
+        raise UsageError(f"{without[0]} needs --world")
+    own = OwnBuildings.read(config.world, config.topics)
     for line in own.skipped:
         print(f"skipped: {line}", file=sys.stderr)
     if config.world:

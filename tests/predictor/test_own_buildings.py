@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from written_bags import Bag
 
 from foresee.infra.command_line import UsageError
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from predictor.data.bag_config import BagConfig
 from predictor.data.samples import Samples
 from predictor.data.splits import check_apart
+from predictor.drives import main as record_drives
 from predictor.networks.compact_net import CompactNet
 from predictor.recording.own_buildings import HELD_OUT, Building, OwnBuildings, read_building
 from predictor.recording.settings import DrivesConfig
@@ -216,6 +219,35 @@ def test_a_log_is_known_again_when_it_is_packed(tmp_path):
     own = OwnBuildings.read((str(tmp_path),))
     assert len(own.train) == 1
     assert "holds the same as" in own.skipped[0]
+
+
+def test_of_a_bag_with_two_lasers_the_topic_that_is_named_is_read(tmp_path):
+    with Bag(tmp_path / "drive.bag", 1) as bag:
+        for number in range(20):
+            bag.pose(number, 0.5 * number, 0.0, 0.0)
+            bag.scan(number, (3.0, 4.0, 5.0), topic="/front")
+            bag.scan(number, (2.0, 2.0, 2.0), topic="/back")
+    with pytest.raises(UsageError, match="several topics of scans: /back, /front; choose one by"):
+        OwnBuildings.read((str(bag.path),))
+    for topic in ("/front", "/back"):
+        topics = BagConfig(scans=topic)
+        (building,) = OwnBuildings.read((str(bag.path),), topics).train
+        config = DrivesConfig(
+            out=tmp_path / topic[1:],
+            train=2,
+            validation=1,
+            families=("narrow",),
+            world=(str(bag.path),),
+            topics=topics,
+        )
+        make(config, 1)
+        assert set(building.hashes) < Samples.load(config.out / "train").worlds
+
+
+@pytest.mark.parametrize("command", [record_drives, main])
+def test_topics_without_buildings_to_read_are_refused(command, tmp_path, capsys):
+    assert command(["--scans", "/front", "--out", str(tmp_path)]) == 2
+    assert "--scans needs --world" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

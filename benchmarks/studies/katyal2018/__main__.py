@@ -14,10 +14,12 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from foresee.infra.command_line import Command, UsageError
+from foresee.infra.command_line import Command, Section, UsageError
 from foresee.infra.options import Options, jobs_option, option
 from predictor.data import PHYSICAL, SIMULATED
+from predictor.data.bag_config import BagConfig
 from predictor.networks.image_config import EXPANSIONS
 
 
@@ -73,7 +75,9 @@ class PredictionSettings(Options):
                 raise UsageError(f"--expansions: {expansion} is none of 1.02, 1.04, … 2.00")
 
 
-def _run(settings: PredictionSettings) -> None:
+def _run(
+    settings: PredictionSettings, topics: Annotated[BagConfig, Section("bags of --logs")]
+) -> None:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     import torch
 
@@ -91,7 +95,7 @@ def _run(settings: PredictionSettings) -> None:
     settings.out.mkdir(parents=True, exist_ok=True)
     expansions = tuple(sorted({round(expansion, 2) for expansion in settings.expansions}))
     who = contestants(settings.predictors, expansions)
-    logs, data = _logs(settings), settings.data
+    logs, data = _logs(settings, topics), settings.data
     if data is None and (logs is None or (SIMULATED / MANIFEST).is_file()):
         data = SIMULATED
     evaluation = Evaluation(settings.out, data, logs, expansions, settings.apart, who)
@@ -105,22 +109,28 @@ def _run(settings: PredictionSettings) -> None:
     print(*filter(None, [summary(results), mixed, "\n".join(map(str, paths))]), sep="\n\n")
 
 
-def _logs(settings: PredictionSettings) -> Path | None:
-    """Return the folder of the physical data set, made here if logs are given; None without one."""
+def _logs(settings: PredictionSettings, topics: BagConfig) -> Path | None:
+    """Return the folder of the physical data set, made here if logs are given; None without one.
+
+    Raises:
+        UsageError: if topics are given without bags to read them from.
+    """
     from predictor.data.frames import MANIFEST
 
     logs = list(settings.logs) or [PHYSICAL]
-    if len(logs) == 1 and (logs[0] / MANIFEST).is_file():
+    made = len(logs) == 1 and (logs[0] / MANIFEST).is_file()
+    if (made or not settings.logs) and (without := topics.changed()):
+        raise UsageError(f"{without[0]} needs bags as --logs")
+    if made:
         return logs[0]
     if not settings.logs:
         return None
     # Imported here, because a data set that exists needs neither planner nor simulator.
-    from predictor.data.bag_config import BagConfig
     from predictor.data.log_files import logs_in
     from predictor.recording.data_sets import make_physical
 
     folder = settings.out / "physical"
-    make_physical(folder, logs_in(logs), BagConfig(), settings.jobs)
+    make_physical(folder, logs_in(logs), topics, settings.jobs)
     return folder
 
 

@@ -488,3 +488,10 @@ def test_logs_are_scored_without_a_simulated_set(sets, tmp_path, monkeypatch, ca
     figures = {path.name for path in (tmp_path / "out").glob("*.png")}
     assert {"ssim.png", "physical.png", "worst.png", "maps-physical.png"} <= figures
     assert "simulated.png" not in figures
+
+
+def test_topics_without_bags_to_read_are_refused(sets, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for logs in ((), ("--logs", str(sets / "physical"))):
+        assert main(["--out", "out", "--scans", "/front", *logs]) == 2
+        assert "--scans needs bags as --logs" in capsys.readouterr().err
