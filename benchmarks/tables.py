@@ -65,16 +65,13 @@ def _run(settings: TableSettings) -> None:
     from benchmarks.runs.overview import overview, reliances, scores
 
     files = [(name, _read(path)) for path, name in _names(settings.files).items()]
-    relied = {
-        name: of
-        for name, of in files
-        if of["kind"] == "comparison" and "predicted" in of["summary"]
-    }
-    runs = {name: of for name, of in relied.items() if "known" in of["summary"]}
+    comparisons = {name: of for name, of in files if of["kind"] == "comparison"}
+    relied = {name: of for name, of in comparisons.items() if "predicted" in of["summary"]}
+    runs = {name: of for name, of in comparisons.items() if "known" in of["summary"]}
     scored = {name: of for name, of in files if of["kind"] == "evaluation"}
     if settings.overview:
         if not runs:
-            raise UsageError("--overview: no file has drives of known and predicted")
+            raise UsageError("--overview: no file has drives of known")
         print(overview(runs))
         return
     parts = [f"## {name}\n\n{of['tables']}\n" for name, of in files]

@@ -26,37 +26,36 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
     A dash stands for an arm that did not drive, and for a measure that older results lack.
 
     Args:
-        runs: name → contents of a results.json of `benchmarks.corridor`.
+        runs: name → contents of a results.json of `benchmarks.corridor` with the arm `known`.
     """
-    arms = ("known", "backup", "predicted", "oracle", "full")
-    closes = any(share for run in runs.values() for share in run["gap"]["predicted"].values())
+    arms = list(dict.fromkeys(arm for run in runs.values() for arm in run["summary"]))
+    ratios = [arm for arm in arms if arm != "known"]
     rows = []
     for name, run in runs.items():
-        summary = run["summary"]
+        summary, settings = run["summary"], up_to_date(run["settings"])
 
         def each(key: str, form: str, of: dict[str, Any] = summary) -> str:
             values = [of[arm][key] if arm in of else None for arm in arms]
             return " / ".join(DASH if value is None else format(value, form) for value in values)
 
-        known, share = summary["known"], run["gap"]["predicted"]
+        known = summary["known"]
         earlier = any(summary[arm]["earlier_calibration"] for arm in summary)
-        closed = {
-            f"gap from the best baseline closed in {what}": interval(share[key], ".0f", 100.0, " %")
-            for key, what in (("sct", "SCT"), ("time", "time"))
-            if closes
-        }
         rows.append(
             {
                 " / ".join(f"`{arm}`" for arm in arms): name + (EARLIER if earlier else ""),
                 "car": known["vehicle"],
+                "route": settings["route"],
+                "window [m]": f"{settings['window']:g}",
+                "top speed [m/s]": f"{settings['v_max']:g}",
                 "episodes": known["episodes"],
+                **{
+                    f"`{arm}` / `known`": interval(summary[arm]["time_ratio"], ".2f")
+                    if arm in summary
+                    else DASH
+                    for arm in ratios
+                },
                 "SCT": each("sct", ".3f"),
-                "time ratio `predicted` to `known`": interval(
-                    summary["predicted"]["time_ratio"], ".2f"
-                ),
-                **closed,
                 "detour": each("detour", ".2f"),
-                "speed [m/s]": each("mean_speed", ".2f"),
                 **{key: each(key, "d") for key in ("reached", "stuck", "collided")},
             }
         )

@@ -99,6 +99,20 @@ def test_the_overview_says_that_a_calibration_is_of_an_earlier_planner():
     assert "earlier" not in overview.overview({"run": at_a_risk(2, 2)})
 
 
+def test_the_overview_has_a_ratio_for_each_arm_that_drove():
+    runs = {"one": at_a_risk(None, 2), "other": at_a_risk(None, 2)}
+    del runs["other"]["summary"]["full"]
+    head, _, one, other = (
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in overview.overview(runs).splitlines()
+    )
+    ratios = [head.index(f"`{arm}` / `known`") for arm in ("predicted", "full")]
+    assert one[ratios[0]] == other[ratios[0]] == "0.89 (0.87–0.90)"
+    assert other[ratios[1]] == "–"
+    assert one[head.index("reached")] == "20 / 20 / 20"
+    assert other[head.index("reached")] == "20 / 20 / –"
+
+
 def test_each_kind_of_results_has_its_tables():
     assert set(tables.TABLES) == set(COMMANDS)
     assert all(callable(resolve_name(home)) for home in tables.TABLES.values())
