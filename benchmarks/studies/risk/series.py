@@ -157,11 +157,17 @@ def _cautious(calibration: Calibration) -> tuple[float, float]:
     return min(calibration.levels.items(), default=(0.0, 0.0))
 
 
+def _smallest_risks(calibration: Calibration) -> dict[float, float]:
+    """Return risk → level, the smallest risk alone of each level: its drives are the same."""
+    smallest = {level: risk for risk, level in sorted(calibration.levels.items(), reverse=True)}
+    return {risk: level for level, risk in sorted(smallest.items())}
+
+
 def _promises(
     calibration: Calibration, mixture: Settings, rivals: Sequence[str], maps: Sequence[str]
 ) -> Iterator[Series]:
     """Requested against realised risk: the mixture, held-out families, and real maps."""
-    certified = calibration.levels
+    certified = _smallest_risks(calibration)
     measured = {r: level for r, level in MEASURED.items() if level not in certified.values()}
     for risk, level in sorted({0.0: 0.0, **measured, **certified}.items()):
         settings = replace(mixture, level=level, episodes=300 if risk else 60)
@@ -179,7 +185,7 @@ def _promises(
         there = replace(mixture, world=(place,), episodes=40)
         known = replace(there, arms=("known",))
         yield Series(PROMISE, Path(place).stem, "known", known, 0.0)
-        for risk, level in sorted(certified.items()):
+        for risk, level in certified.items():
             # The larger risks need fewer drives.
             at_level = replace(there, level=level, episodes=40 if risk <= 0.05 else 20)
             yield Series(PROMISE, Path(place).stem, f"{risk:g}", at_level, risk)

@@ -100,6 +100,13 @@ def test_a_damaged_calibration_is_refused_in_one_line():
         list_series(replace(CALIBRATION, conditions=conditions), [], "none", [], [], quick=False)
 
 
+def test_a_level_that_is_certified_for_two_risks_is_driven_at_once_for_both():
+    levels = {0.02: 0.3, 0.05: 0.3}
+    all_series = list_series(replace(CALIBRATION, levels=levels), [], "none", [], [], quick=False)
+    promises = [series for series in all_series if series.group == "promise"]
+    assert {series.risk for series in promises if series.settings.level == 0.3} == {0.02, None}
+
+
 def test_a_level_that_is_certified_is_not_measured_once_more():
     levels = {0.05: 0.003}
     all_series = list_series(replace(CALIBRATION, levels=levels), [], "none", [], [], quick=False)
