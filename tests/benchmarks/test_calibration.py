@@ -173,15 +173,16 @@ def test_levels_are_certified_from_safe_to_bold_until_one_is_not(tmp_path, monke
 
 def test_drives_that_are_there_beyond_the_decision_change_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
-    few = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "few", jobs=1)
+    asked = replace(LEVELS, drives=300)
+    few = learn_then_test.calibrate(SETTINGS, asked, tmp_path / "few", jobs=1)
     # As many workers leave them.
     decided = learn_then_test.decided_after
     monkeypatch.setattr(learn_then_test, "decided_after", lambda *_: None)
-    learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
+    learn_then_test.calibrate(SETTINGS, asked, tmp_path / "all", jobs=1)
     monkeypatch.setattr(learn_then_test, "decided_after", decided)
     path = tmp_path / "all/level-0.2.json"
-    assert len(read_drives(path, learn_then_test.KIND_OF_DRIVES)["drives"]) == 600
-    again = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
+    assert len(read_drives(path, learn_then_test.KIND_OF_DRIVES)["drives"]) == 300
+    again = learn_then_test.calibrate(SETTINGS, asked, tmp_path / "all", jobs=1)
     assert again["levels"] == few["levels"]
     assert again["certified"] == few["certified"]
 
