@@ -231,7 +231,7 @@ def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset())
     Raises:
         UsageError: if the folder holds samples that were made with other settings, or if
             `config.world` names no usable building, or a building in `learned` that would be held
-            out, or is empty although topics are given.
+            out, or if topics are given and `config.world` is empty.
     """
     if config.topics and not config.world and (without := config.topics.changed()):
         raise UsageError(f"{without[0]} needs --world")

@@ -158,7 +158,10 @@ def _cautious(calibration: Calibration) -> tuple[float, float]:
 
 
 def _smallest_risks(calibration: Calibration) -> dict[float, float]:
-    """Return risk → level, the smallest risk alone of each level: its drives are the same."""
+    """Return risk → level, with only the smallest risk of each level.
+
+    Drives at the same level are the same, whatever the risk.
+    """
     smallest = {level: risk for risk, level in sorted(calibration.levels.items(), reverse=True)}
     return {risk: level for level, risk in sorted(smallest.items())}
 

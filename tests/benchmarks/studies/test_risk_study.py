@@ -100,7 +100,7 @@ def test_a_damaged_calibration_is_refused_in_one_line():
         list_series(replace(CALIBRATION, conditions=conditions), [], "none", [], [], quick=False)
 
 
-def test_a_level_that_is_certified_for_two_risks_is_driven_at_once_for_both():
+def test_a_level_that_is_certified_for_two_risks_is_driven_once():
     levels = {0.02: 0.3, 0.05: 0.3}
     all_series = list_series(replace(CALIBRATION, levels=levels), [], "none", [], [], quick=False)
     promises = [series for series in all_series if series.group == "promise"]
