@@ -36,12 +36,6 @@ class RiskSettings(Options):
         "FILE",
     )
     predictor: str = option("compact", "predictor that the calibrations were made for", "P")
-    rivals: tuple[str, ...] = option(
-        (),
-        "other predictors to compare with, besides extend, such as weights FILE.safetensors of the "
-        "paper's networks",
-        "P",
-    )
     maps: tuple[str, ...] = option(
         (),
         "map_server .yaml files, or folders of them: real buildings to drive in as well",
@@ -76,7 +70,6 @@ def _run(settings: RiskSettings) -> int:
         calibration,
         others,
         settings.predictor,
-        settings.rivals,
         settings.maps,
         settings.quick,
     )

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.figures.palette import ARM_COLOURS, arm_colour
-from benchmarks.studies.risk.series import OWN, PROMISE
+from benchmarks.figures.palette import arm_colour
+from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE
 from foresee.infra.drawing import INK, new_figure, save_figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-RIVAL_MARKERS = "s^Dv"
-"""Markers of the predictors that are compared; they have the same colour."""
 MANY = 40
 """Number of drives from which on an interval decides how far the axis reaches."""
 
@@ -86,43 +83,27 @@ def _kind(row: dict[str, Any]) -> tuple[str, str]:
 
 
 def _pareto(results: dict[str, Any]) -> Figure | None:
-    """Draw SCT over the rate of collisions, for each kind of tasks that `optimistic` drives."""
-    rates = {(r["group"], r["series"]): r for r in results["promise"]}
-    compared = [r for r in results["pareto"] if r["sct"] is not None]
-    kinds = list(dict.fromkeys(_kind(r) for r in compared if r["arm"] == "optimistic"))
-    if not kinds:
+    """Draw SCT over the rate of collisions in the buildings of the calibration."""
+    rates = {(r["group"], r["series"]): r["rate"] for r in results["promise"]}
+    points = [r for r in results["pareto"] if _kind(r) == (PROMISE, MIXTURE) and r["sct"]]
+    if not points:
         return None
-    columns = min(3, len(kinds))
-    rows = math.ceil(len(kinds) / columns)
-    figure = new_figure(3.2 * columns, 3.0 * rows)
-    panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
-    for axes, kind in zip(panels, kinds, strict=False):
-        here = [r for r in compared if _kind(r) == kind]
-        rivals = cycle(RIVAL_MARKERS)
-        for arm in dict.fromkeys(map(_arm, here)):
-            points = sorted((r for r in here if _arm(r) == arm), key=lambda r: r["level"])
-            risks = [rates[r["group"], r["series"]] for r in points]
-            axes.plot(
-                [100 * r["rate"] for r in risks],
-                [r["sct"]["value"] for r in points],
-                color=arm_colour(arm),
-                marker="o" if arm in ARM_COLOURS else next(rivals),
-                markersize=4,
-                linewidth=0.8,
-                label=arm,
-            )
-        first = rates[here[0]["group"], here[0]["series"]]
-        car = "{v_max:g} m/s, {braking:g} m/s², window {window:g} m".format(**first)
-        place = first["world"][0] if len(first["world"]) == 1 else "mixture"
-        axes.set_title(f"{place}\n{car}", fontsize=9)
-        # Each panel has its own axis: in one of them three quarters of the drives collide.
-        end = max(10.0, 1.1 * axes.dataLim.x1)
-        axes.set(xlabel="collisions [% of drives]", xlim=(-0.03 * end, end))
-        axes.legend(fontsize=7)
-    for axes in panels[::columns]:
-        axes.set(ylabel="SCT", ylim=(0, 1))
-    for axes in panels[len(kinds) :]:
-        axes.set_axis_off()
+    figure = new_figure(5.0, 3.6)
+    axes = figure.subplots()
+    for arm in dict.fromkeys(r["arm"] for r in points):
+        here = sorted((r for r in points if r["arm"] == arm), key=lambda r: r["level"])
+        axes.plot(
+            [100 * rates[r["group"], r["series"]] for r in here],
+            [r["sct"]["value"] for r in here],
+            color=arm_colour(arm),
+            marker="o",
+            markersize=4,
+            linewidth=0.8,
+            label=arm,
+        )
+    end = max(10.0, 1.1 * axes.dataLim.x1)
+    axes.set(xlabel="collisions [% of drives]", xlim=(-0.03 * end, end), ylabel="SCT", ylim=(0, 1))
+    axes.legend(fontsize=7)
     return figure
 
 
@@ -159,9 +140,3 @@ def _around(rate: float, interval: list[float] | None) -> list[list[float]]:
     """Return an error bar [%], of no length without an interval."""
     low, high = interval or (rate, rate)
     return [[100 * max(0.0, rate - low)], [100 * max(0.0, high - rate)]]
-
-
-def _arm(row: dict[str, Any]) -> str:
-    """Return the name of a line: the arm, or the predictor if it is a rival."""
-    rival = row["series"] == f"{row['tasks']}-{row['predictor']}"
-    return str(row["predictor"] if rival else row["arm"])

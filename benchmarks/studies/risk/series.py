@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.calibration.certificate import conditions_for
-from benchmarks.runs.arms import ARMS
-from benchmarks.runs.drive_series import file_name, predictor_label
+from benchmarks.runs.drive_series import file_name
 from benchmarks.runs.settings import CONDITIONS, Settings
 from foresee.infra.command_line import UsageError
 from foresee.infra.errors import one_line
@@ -20,28 +19,17 @@ PROMISE, MIXTURE = "promise", "mixture"
 """Group of the drives at requested risks, and tasks in the buildings of the calibration."""
 OWN = "own calibration"
 """Group of the drives that test further calibrations, in buildings like those of each."""
+PUBLISHED = "published settings"
+"""Group of the drives with the buildings and the car of a published method."""
 SEED = 6_000_000
 """Seed of the first building of each series; no network or calibration used such seeds."""
 OTHER_SEED = 6_500_000
-"""Seed of the first building of series with other cars or windows than those of the calibration."""
+"""Seed of the first building of the mazes, which have another car than the calibration."""
 OWN_SEED = 6_800_000
 """Seed of the first building of the drives that test a further calibration."""
 SHAM = "benchmarks.studies.risk.sham:Sham"
 HELD_OUT = tuple(family for family in FAMILIES if family not in LEARNED)
 """Families that no network, and no calibration, has learned from."""
-MEASURED = {0.005: 0.003, 0.01: 0.01}
-"""Risks too small to certify with some hundred drives, and levels at which they are measured."""
-CARS = (
-    (2.0, 1.5, 5.0),
-    (8.0, 1.5, 5.0),
-    (4.0, 1.0, 5.0),
-    (4.0, 3.0, 5.0),
-    (4.0, 4.0, 5.0),
-    (4.0, 1.5, 7.5),
-    (4.0, 1.5, 10.0),
-)
-"""Top speed [m/s], braking [m/s²] and window [m] at which `optimistic` and `predicted` are
-compared, besides those of the calibration."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +72,6 @@ def list_series(
     calibration: Calibration,
     others: Sequence[Calibration],
     predictor: str,
-    rivals: Sequence[str],
     maps: Sequence[str],
     quick: bool,
 ) -> list[Series]:
@@ -95,7 +82,6 @@ def list_series(
         others: further calibrations, such as one for each family of the mixture. They are only
             tested in their own buildings.
         predictor: name of the predictor that the calibrations were made for.
-        rivals: other predictors to compare with, such as weights of `unet_ff`.
         maps: map files or folders of real buildings; there may be none.
         quick: whether each series has 4 drives only, as a trial.
 
@@ -106,16 +92,14 @@ def list_series(
     """
     mixture = _settings(calibration, predictor)
     all_series = [
-        *_promises(calibration, mixture, rivals, maps),
+        *_promises(calibration, mixture, maps),
         *(series for other in others for series in _in_its_buildings(other, predictor)),
         *_controls(calibration, mixture),
         *_mazes(calibration, mixture),
-        *_speeds(calibration, mixture),
     ]
     if len({series.name for series in all_series}) < len(all_series):
         raise UsageError(
-            "each map or folder of --maps, each of --rivals, and each calibration must have a name "
-            "of its own"
+            "each map or folder of --maps, and each calibration, must have a name of its own"
         )
     for used in (calibration, *others):
         if any(
@@ -166,13 +150,10 @@ def _smallest_risks(calibration: Calibration) -> dict[float, float]:
     return {risk: level for level, risk in sorted(smallest.items())}
 
 
-def _promises(
-    calibration: Calibration, mixture: Settings, rivals: Sequence[str], maps: Sequence[str]
-) -> Iterator[Series]:
+def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) -> Iterator[Series]:
     """Requested against realised risk: the mixture, held-out families, and real maps."""
     certified = _smallest_risks(calibration)
-    measured = {r: level for r, level in MEASURED.items() if level not in certified.values()}
-    for risk, level in sorted({0.0: 0.0, **measured, **certified}.items()):
+    for risk, level in {0.0: 0.0, **certified}.items():
         settings = replace(mixture, level=level, episodes=300 if risk else 60)
         yield Series(PROMISE, MIXTURE, f"{risk:g}", settings, risk, turns=2)
     # What the speed and the collisions at each risk are compared with.
@@ -181,9 +162,6 @@ def _promises(
         yield Series(PROMISE, MIXTURE, arm, replace(same, arms=(arm,)), 0.0, turns=2)
     optimistic = replace(same, arms=("optimistic",), episodes=100)
     yield Series(PROMISE, MIXTURE, "optimistic", optimistic, turns=2)
-    for rival in ("extend", *rivals):
-        settings = replace(same, predictor=rival, level=_cautious(calibration)[1])
-        yield Series(PROMISE, MIXTURE, predictor_label(rival), settings, turns=2)
     for place in (*HELD_OUT, *maps):
         there = replace(mixture, world=(place,), episodes=40)
         known = replace(there, arms=("known",))
@@ -198,7 +176,7 @@ def _in_its_buildings(calibration: Calibration, predictor: str) -> Iterator[Seri
     """Requested against realised risk of a further calibration, in buildings like its own."""
     same = replace(_settings(calibration, predictor), seed=OWN_SEED)
     tasks = "+".join(Path(place).stem for place in same.world)
-    for risk, level in sorted(calibration.levels.items()):
+    for risk, level in _smallest_risks(calibration).items():
         settings = replace(same, level=level, episodes=60)
         yield Series(OWN, tasks, f"{risk:g}", settings, risk, turns=2)
     for arm in ("known", "oracle"):
@@ -213,46 +191,26 @@ def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
     same = replace(mixture, level=level, episodes=40)
     fixed = replace(same, world=("trap",), fixed_level=True)
     yield Series("not adapted", "trap", f"{risk:g}", fixed, risk)
-    sham = replace(same, predictor=SHAM, episodes=100)
+    sham = replace(same, predictor=SHAM, episodes=60)
     yield Series("sham", MIXTURE, f"{risk:g}", sham, risk)
     yield Series("sham, not adapted", MIXTURE, f"{risk:g}", replace(sham, fixed_level=True), risk)
 
 
 def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
-    """Mazes as in Elhafsi et al. 2020: their top speeds, braking and window, a given route."""
-    for v_max in (1.0, 2.0, 3.0, 4.0):
-        same = replace(
-            mixture,
-            world=("maze",),
-            v_max=v_max,
-            braking=3.0,
-            window=7.5,
-            route="fixed",
-            seed=OTHER_SEED,
-            episodes=30 if v_max == 4.0 else 15,
-        )
-        yield from _with_and_without(calibration, same, "maze", f"{v_max:g}", ("full", "known"))
-
-
-def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
-    """Cars and buildings with which `optimistic` may collide."""
-    for v_max, braking, window in CARS:
-        car = replace(mixture, v_max=v_max, braking=braking, window=window)
-        same = replace(car, route="fixed", seed=OTHER_SEED, episodes=12)
-        tasks = f"{v_max:g}-{braking:g}-{window:g}"
-        yield from _with_and_without(calibration, same, "speed", tasks, ("known", "optimistic"))
-    # An obstacle behind a blind corner, as in Tordesillas et al. 2019, and dead ends.
-    corner = replace(mixture, world=("trap",), route="fixed", seed=OTHER_SEED, episodes=20)
-    yield from _with_and_without(calibration, corner, "corner", "trap", ("known", "optimistic"))
-
-
-def _with_and_without(
-    calibration: Calibration, same: Settings, group: str, tasks: str, arms: Sequence[str]
-) -> Iterator[Series]:
-    """Drives of other arms, and of `predicted` at 0 and at the smallest certified risk."""
-    for arm in arms:
-        risk = None if ARMS[arm].may_collide else 0.0
-        yield Series(group, tasks, arm, replace(same, arms=(arm,)), risk)
-    yield Series(group, tasks, "0", same, 0.0)
+    """Mazes as in Elhafsi et al. 2020, at the highest of their top speeds: their braking, window
+    and given route."""
+    same = replace(
+        mixture,
+        world=("maze",),
+        v_max=4.0,
+        braking=3.0,
+        window=7.5,
+        route="fixed",
+        seed=OTHER_SEED,
+        episodes=30,
+    )
+    for arm in ("full", "known"):
+        yield Series(PUBLISHED, "maze", arm, replace(same, arms=(arm,)), 0.0)
+    yield Series(PUBLISHED, "maze", "0", same, 0.0)
     if level := _cautious(calibration)[1]:
-        yield Series(group, tasks, "bold", replace(same, level=level))
+        yield Series(PUBLISHED, "maze", "bold", replace(same, level=level))

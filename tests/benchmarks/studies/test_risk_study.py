@@ -45,32 +45,31 @@ CALIBRATION = Calibration(
 
 
 def test_the_series_have_names_of_their_own_and_the_levels_of_the_calibration():
-    all_series = list_series(CALIBRATION, [], "none", [], ["maps/a.yaml"], quick=False)
+    all_series = list_series(CALIBRATION, [], "none", ["maps/a.yaml"], quick=False)
     names = [series.name for series in all_series]
     assert len(set(names)) == len(names)
     asked = {
         series.risk: series.settings.level for series in all_series if series.group == "promise"
     }
-    assert asked == {None: 0.001, 0.0: 0.0, 0.005: 0.003, 0.02: 0.001, 0.05: 0.01}
+    assert asked == {None: 0.0, 0.0: 0.0, 0.02: 0.001, 0.05: 0.01}
     assert all(
         series.settings.fixed_level == ("not adapted" in series.group) for series in all_series
     )
     assert {series.settings.level for series in all_series if "sham" in series.group} == {0.001}
     assert any(series.settings.world == ("maps/a.yaml",) for series in all_series)
-    quick = list_series(CALIBRATION, [], "none", [], [], quick=True)
+    quick = list_series(CALIBRATION, [], "none", [], quick=True)
     assert {series.settings.episodes for series in quick} == {4}
 
 
 def test_series_are_compared_with_those_that_drive_the_same_tasks():
-    all_series = list_series(CALIBRATION, [], "none", [], [], quick=False)
+    all_series = list_series(CALIBRATION, [], "none", [], quick=False)
     same = {}
     for series in all_series:
         same.setdefault((series.group, series.tasks), []).append(series)
     arms = {kind: sorted(series.arm for series in of) for kind, of in same.items()}
-    # `predicted` at 0, at three risks, and with `extend`.
-    assert arms["promise", "mixture"] == ["known", "optimistic", "oracle", *["predicted"] * 5]
-    assert arms["maze", "2"] == ["full", "known", "predicted", "predicted"]
-    assert arms["speed", "4-3-5"] == ["known", "optimistic", "predicted", "predicted"]
+    # `predicted` at a risk of 0, and at two others.
+    assert arms["promise", "mixture"] == ["known", "optimistic", "oracle", *["predicted"] * 3]
+    assert arms["published settings", "maze"] == ["full", "known", "predicted", "predicted"]
     for of in same.values():
         other = {"arms": ("known",), "level": 0.0, "predictor": "none", "episodes": 1}
         assert len({replace(series.settings, **other) for series in of}) == 1
@@ -78,56 +77,44 @@ def test_series_are_compared_with_those_that_drive_the_same_tasks():
 
 def test_a_calibration_for_another_predictor_is_refused():
     with pytest.raises(CalibrationError, match="is for predictor none, not extend"):
-        list_series(CALIBRATION, [], "extend", [], [], quick=False)
+        list_series(CALIBRATION, [], "extend", [], quick=False)
 
 
 def test_a_calibration_of_another_planner_is_refused_even_if_it_certifies_nothing():
     conditions = CALIBRATION.conditions | {"planner": "other"}
     with pytest.raises(CalibrationError, match="is for planner other"):
         list_series(
-            replace(CALIBRATION, conditions=conditions, levels={}), [], "none", [], [], quick=False
+            replace(CALIBRATION, conditions=conditions, levels={}), [], "none", [], quick=False
         )
 
 
 def test_a_calibration_in_buildings_of_the_study_is_refused():
     with pytest.raises(CalibrationError, match="made in buildings of this study"):
-        list_series(replace(CALIBRATION, seed=study.SEED), [], "none", [], [], quick=False)
+        list_series(replace(CALIBRATION, seed=study.SEED), [], "none", [], quick=False)
 
 
 def test_a_damaged_calibration_is_refused_in_one_line():
     conditions = {k: v for k, v in CALIBRATION.conditions.items() if k != "v_max"}
     with pytest.raises(CalibrationError, match=r"c.json is no calibration: .*v_max"):
-        list_series(replace(CALIBRATION, conditions=conditions), [], "none", [], [], quick=False)
+        list_series(replace(CALIBRATION, conditions=conditions), [], "none", [], quick=False)
 
 
 def test_a_level_that_is_certified_for_two_risks_is_driven_once():
     levels = {0.02: 0.3, 0.05: 0.3}
-    all_series = list_series(replace(CALIBRATION, levels=levels), [], "none", [], [], quick=False)
+    all_series = list_series(replace(CALIBRATION, levels=levels), [], "none", [], quick=False)
     promises = [series for series in all_series if series.group == "promise"]
-    assert {series.risk for series in promises if series.settings.level == 0.3} == {0.02, None}
-
-
-def test_a_level_that_is_certified_is_not_measured_once_more():
-    levels = {0.05: 0.003}
-    all_series = list_series(replace(CALIBRATION, levels=levels), [], "none", [], [], quick=False)
-    assert [
-        series.risk for series in all_series if series.settings.level == 0.003 and series.turns == 2
-    ] == [
-        0.05,
-        None,
-    ]
+    assert {series.risk for series in promises if series.settings.level == 0.3} == {0.02}
 
 
 def test_maps_of_the_same_name_are_refused():
     with pytest.raises(UsageError, match="a name of its own"):
-        list_series(CALIBRATION, [], "none", [], ["a/map.yaml", "b/map.yaml"], quick=False)
+        list_series(CALIBRATION, [], "none", ["a/map.yaml", "b/map.yaml"], quick=False)
 
 
 def test_a_fixed_level_is_studied_as_it_was_calibrated():
     fixed = replace(CALIBRATION, conditions=conditions_for(replace(SETTINGS, fixed_level=True)))
     assert all(
-        series.settings.fixed_level
-        for series in list_series(fixed, [], "none", [], [], quick=False)
+        series.settings.fixed_level for series in list_series(fixed, [], "none", [], quick=False)
     )
 
 
@@ -155,7 +142,7 @@ def test_a_broken_promise_is_noticed(change, broken):
 
 def test_buildings_of_the_study_are_not_those_of_the_calibration():
     seeds = {
-        series.settings.seed for series in list_series(CALIBRATION, [], "none", [], [], quick=False)
+        series.settings.seed for series in list_series(CALIBRATION, [], "none", [], quick=False)
     }
     assert seeds == {study.SEED, study.OTHER_SEED}
     assert min(seeds) > 5_000_000 + 100_000
@@ -181,7 +168,7 @@ def few_series(short_map, monkeypatch):
     """A study of few drives on a short map."""
     base = Settings(world=(str(short_map),), predictor="none", episodes=2, route="fixed")
 
-    def few(calibration, others, predictor, rivals, maps, quick):
+    def few(calibration, others, predictor, maps, quick):
         found = [
             Series("promise", "mixture", arm, replace(base, arms=(arm,)), 0.0)
             for arm in ("known", "oracle")
@@ -276,7 +263,7 @@ def test_times_are_compared_in_each_family():
 def test_a_further_calibration_is_tested_in_buildings_like_its_own():
     alone = replace(SETTINGS, world=("narrow",))
     other = Calibration(Path("n.json"), conditions_for(alone), {0.02: 0.3}, 0.9, seed=900, drives=9)
-    all_series = list_series(CALIBRATION, [other], "none", [], [], quick=False)
+    all_series = list_series(CALIBRATION, [other], "none", [], quick=False)
     own = [series for series in all_series if series.group == study.OWN]
     assert {series.label for series in own} == {"narrow-0.02", "narrow-known", "narrow-oracle"}
     assert {series.settings.world for series in own} == {("narrow",)}
@@ -286,12 +273,12 @@ def test_a_further_calibration_is_tested_in_buildings_like_its_own():
 def test_a_further_calibration_must_not_be_made_in_buildings_of_the_study():
     used = replace(CALIBRATION, path=Path("u.json"), seed=study.OWN_SEED)
     with pytest.raises(CalibrationError, match=r"u.json was made in buildings of this study"):
-        list_series(CALIBRATION, [used], "none", [], [], quick=False)
+        list_series(CALIBRATION, [used], "none", [], quick=False)
 
 
 def test_a_calibration_given_twice_is_refused():
-    with pytest.raises(UsageError, match="each calibration must have a name of its own"):
-        list_series(CALIBRATION, [CALIBRATION, CALIBRATION], "none", [], [], quick=False)
+    with pytest.raises(UsageError, match="each calibration, must have a name of its own"):
+        list_series(CALIBRATION, [CALIBRATION, CALIBRATION], "none", [], quick=False)
 
 
 def test_further_calibrations_are_pooled_at_each_risk():
@@ -324,14 +311,6 @@ def test_further_calibrations_are_pooled_at_each_risk():
     assert (row["requested"], row["collided"], row["drives"]) == (0.02, 1, 30)
     assert row["levels"] == {"corridor": 0.1, "narrow": 0.1}
     assert row["time_ratio"]["value"] == pytest.approx(0.8)
-
-
-def test_other_predictors_are_compared_at_the_level_of_the_smallest_risk():
-    all_series = list_series(CALIBRATION, [], "none", ["nets/unet.safetensors"], [], quick=False)
-    (rival,) = (s for s in all_series if s.settings.predictor == "nets/unet.safetensors")
-    (extend,) = (s for s in all_series if s.settings.predictor == "extend")
-    assert (rival.variant, rival.settings.level, rival.risk) == ("unet", 0.001, None)
-    assert (rival.group, rival.tasks) == (extend.group, extend.tasks)
 
 
 def test_collisions_are_counted_in_each_family():
@@ -374,7 +353,7 @@ def test_drives_in_few_maps_say_nothing_of_the_rate_in_others():
 @pytest.mark.parametrize("revision", [1, 2])
 def test_drives_at_a_level_of_an_earlier_planner_are_marked(revision):
     calibration = replace(CALIBRATION, revision=revision)
-    all_series = list_series(calibration, [], "none", [], [], quick=True)
+    all_series = list_series(calibration, [], "none", [], quick=True)
     drive = asdict(a_result(revision=2)) | {"touched": False}
     rows = collision_rows(all_series, {series.name: [drive] for series in all_series}, {})
     marked = {row["earlier_calibration"] for row in rows if row["level"] > 0.0}
