@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.control import Control
-from foresee.mapping.conventions import REST
+from foresee.mapping.conventions import GOAL_RADIUS, REST
 from foresee.mapping.error_bounds import NO_ERRORS
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
@@ -59,8 +59,8 @@ class Navigator:
         start: x, y, yaw of the car at the start, (3,) or more [m, m, rad].
         goal: x, y of the goal [m].
         known: occupancy grid at the start; the navigator adds the scans to it.
-        waypoints: points of a prescribed route, (n, 2) [m], the last of them at the goal; None: the
-            car finds its own route.
+        waypoints: points of a prescribed route, (n, 2) [m], the last of them within `GOAL_RADIUS`
+            of the goal; None: the car finds its own route.
         seed: seed of the path search.
         frontiers: predictor of frontiers, which changes a route that is not prescribed, or None.
         executor: runs the path searches beside `step`, one at a time, so that `step` never waits
@@ -68,8 +68,8 @@ class Navigator:
             the end of `step`, so that drives do not depend on any clock.
 
     Raises:
-        ValueError: if there are waypoints of another shape, or none at all, or if start, goal or a
-                waypoint is not finite.
+        ValueError: if there are waypoints of another shape, or none at all, or the last of them is
+            not at the goal, or if start, goal or a waypoint is not finite.
     """
 
     @usual_float_errors()
@@ -92,6 +92,10 @@ class Navigator:
         for name, value in ("start", start), ("goal", goal), ("waypoints", waypoints):
             if value is not None and not np.isfinite(value).all():
                 raise ValueError(f"{name} is {value}, it must be finite")
+        if waypoints is not None and (off := math.dist(waypoints[-1], goal)) > GOAL_RADIUS:
+            raise ValueError(
+                f"the last waypoint is {off:.2f} m from the goal, it may be {GOAL_RADIUS} m at most"
+            )
         self.config, self.goal, self.known = config, goal, known
         car, bounds = config.car, config.bounds
         self._choosers = {1: PlanChooser(car, config.mpc, goal, config.window, bounds)}

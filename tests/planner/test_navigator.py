@@ -433,6 +433,13 @@ def test_a_drive_that_is_not_finite_is_refused(given):
         Navigator(NavigatorConfig(), None, known=known, **places)
 
 
+def test_a_route_that_does_not_lead_to_the_goal_is_refused():
+    known = OccupancyGrid(GridFrame(0.05, (-1.0, -1.0), (40, 40)), 5.0)
+    route = np.array([[2.0, 0.0], [4.0, 3.0]])
+    with pytest.raises(ValueError, match=r"the last waypoint is 3.00 m from the goal"):
+        Navigator(NavigatorConfig(), None, np.zeros(3), (4.0, 0.0), known, route)
+
+
 def test_the_same_drive_twice_is_the_same_drive():
     task = sample_task(generate("narrow", 2), 2)
     config = EpisodeConfig(timeout=0.2)
