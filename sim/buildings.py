@@ -90,16 +90,16 @@ def building(place: str, seed: int) -> World:
     return generate(place, seed) if place in FAMILIES else sealed(load_world(place))
 
 
-def learned_forms(world: World) -> list[NDArray[np.int8]]:
-    """Return the cells of a building as it is driven in, and as trainings resample it.
+def at_sample_resolution(world: World) -> World:
+    """Return a building with cells of 0.05 m, as trainings use it; of these it is the same."""
+    if abs(world.grid.frame.resolution / RESOLUTION - 1.0) < 1e-6:
+        return world
+    return sealed(World(world.name, resampled(world.grid, RESOLUTION)[0]))
 
-    They differ if its cells are not of 0.05 m.
-    """
-    forms, resolution = [world.grid.cells], world.grid.frame.resolution
-    if abs(resolution / RESOLUTION - 1.0) > 1e-6:
-        grid = resampled(world.grid, RESOLUTION)[0]
-        forms.append(sealed(World(world.name, grid)).grid.cells)
-    return forms
+
+def learned_forms(world: World) -> list[NDArray[np.int8]]:
+    """Return the cells of a building as it is driven in, and as trainings use it."""
+    return [world.grid.cells, at_sample_resolution(world).grid.cells]
 
 
 def task_in(place: str, seed: int) -> Task:

@@ -13,15 +13,13 @@ import numpy as np
 
 from foresee.infra.command_line import UsageError
 from foresee.infra.errors import one_line
-from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import world_hash
-from foresee.mapping.resampling import resampled
 from predictor.data import LOG_FORMATS
 from predictor.data.bag_config import BagConfig
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.log_files import is_folder, is_log, read_log
 from predictor.data.survey import REACH, frame_around
-from sim.buildings import task_in_world
+from sim.buildings import at_sample_resolution, task_in_world
 from sim.map_server import MapError, load_world
 from sim.task import NoTaskError
 from sim.world import World, sealed
@@ -129,8 +127,7 @@ def read_building(path: Path) -> World:
     Raises:
         MapError: if it cannot be read.
     """
-    world = load_world(path)
-    return sealed(World(world.name, resampled(world.grid, RESOLUTION)[0]))
+    return at_sample_resolution(sealed(load_world(path)))
 
 
 def log_hash(log: LaserLog) -> str:

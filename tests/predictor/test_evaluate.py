@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from foresee.mapping.grid import Grid, GridFrame, world_hash
+from foresee.mapping.grid import UNKNOWN, Grid, GridFrame, world_hash
 from foresee.prediction import Prediction
 from predictor.evaluate import main
 from predictor.evaluation.drive_scores import report_groups, table
@@ -247,7 +247,9 @@ def test_a_predictor_is_asked_about_the_side_that_it_states(maps, tmp_path):
 
 
 def test_a_learned_map_of_another_resolution_is_told_too(tmp_path):
-    cells = empty_straight(24.0, 3.0).grid.cells[::2, ::2]
+    cells = empty_straight(24.0, 3.0).grid.cells[::2, ::2].copy()
+    # A wall one cell thick, by `sealed`; after resampling alone, it would have two unknown cells.
+    cells[2, 20:30] = UNKNOWN
     world = World("coarse", Grid(GridFrame(0.1, (0.0, 0.0), cells.shape), cells))
     save_world(world, tmp_path / "coarse.yaml")
     trained = world_hash(read_building(tmp_path / "coarse.yaml").grid.cells)
