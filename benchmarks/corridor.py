@@ -116,6 +116,7 @@ def _run(
     from benchmarks.figures.run_figures import draw_all
     from benchmarks.report.report import write_report
     from benchmarks.runs.drive import attempt_arm, run_fingerprint
+    from benchmarks.runs.drive_result import DriveResult
     from benchmarks.runs.saved_run import RESULTS, Run
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary_text import in_words, main_table, title
@@ -159,7 +160,8 @@ def _run(
     if results["summary"]:
         print(*draw_all(out), *write_report(Run.load(out), out), sep="\n")
     print(f"{out / RESULTS}; `foresee tables {out / RESULTS}` prints all rows")
-    print(f"\n{in_words(results['summary'])}")
+    drives = [DriveResult.from_json(drive) for drive in results["episodes"]]
+    print(f"\n{in_words(results['summary'], drives)}")
     return 1 if store.lost else 0
 
 

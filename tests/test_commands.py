@@ -76,7 +76,7 @@ def test_an_argument_is_shown_escaped_and_on_one_line(command, capsys):
 
 def test_a_reader_that_stops_early_gets_no_complaint():
     # Its tables are longer than a pipe's buffer.
-    file = Path(__file__).parents[1] / "docs/results/risk.json"
+    file = Path(__file__).parents[1] / "docs/results/prediction.json"
     command = [sys.executable, "-m", "benchmarks.tables", str(file)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()

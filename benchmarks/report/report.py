@@ -140,7 +140,7 @@ def _results(run: Run, settings: dict[str, Any]) -> dict[str, str]:
         )
     said = remarks(summary, gap(run.episodes, arms, settings["route"]))
     return {
-        "words": inline(in_words(summary)),
+        "words": inline(in_words(summary, run.episodes)),
         "table": table(_as_html(main_rows(summary))),
         "all_rows": table(_as_html(all_rows(summary))),
         "remarks": "".join(f"<p>{inline(text)}</p>" for text in said),

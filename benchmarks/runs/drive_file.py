@@ -113,6 +113,8 @@ class DriveFile:
             held = path.with_name(f".{path.name}.lock")
             # Removed with this object, or at the end of the process.
             weakref.finalize(self, unlock, held, lock(held, path), os.getpid())
+        except UsageError:
+            raise
         except (OSError, ValueError) as error:
             raise UsageError(f"--out: {path} cannot be made: {one_line(error)}") from None
         if path.exists():

@@ -18,7 +18,7 @@ from benchmarks.runs.settings import OLDER, Settings
 from benchmarks.runs.summary import gap, summarise
 from benchmarks.runs.time_optimal import Key, task_key
 from benchmarks.runs.trace import Drive, RunError, Trace
-from foresee.infra.atomic_file import replacing
+from foresee.infra.atomic_file import replacing, write_whole
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit, machine, own_version
 from foresee.infra.errors import one_line, shown
@@ -78,8 +78,9 @@ class Store(ResumableFolder):
         self._marked = json.loads(json.dumps(identity))
         adopted = None if baselines is None else self._checked(baselines)
         if not (out / SETTINGS).exists() and (out / RESULTS).exists():
-            # A folder without settings must at least hold readable results; this raises if not.
-            Run.read(out)
+            # The settings were removed: those of the results are compared. This raises if they are
+            # not readable.
+            write_whole(out / SETTINGS, json.dumps(Run.read(out).settings, indent=1).encode())
         # Some older runs also name the control period, which is not a setting.
         grows = (*GROWS, "dt")
         super().__init__(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from benchmarks.runs.arms import arm_kind
+from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import up_to_date
 from foresee.infra.markdown import figure, interval, markdown, span
 from foresee.statistics import MIN_GROUPS
@@ -118,9 +119,15 @@ def all_rows(summary: dict[str, Any]) -> list[list[str]]:
     return [first, *([title, *map(cell, entries)] for title, cell in _rows(entries).items())]
 
 
-def in_words(summary: dict[str, Any]) -> str:
-    """Return what the summary says in words; "" without episodes."""
-    if not summary:
+def in_words(summary: dict[str, Any], drives: Sequence[DriveResult]) -> str:
+    """Return the times of a summary and the collisions in words; "" without drives.
+
+    Args:
+        summary: result of `summarise`.
+        drives: results of all drives. Those of episodes that an arm has not driven are not in the
+            summary.
+    """
+    if not drives:
         return ""
     ratios = {arm: entry.get("time_ratio") for arm, entry in summary.items()}
     compared = {arm: ratio for arm, ratio in ratios.items() if ratio is not None}
@@ -136,10 +143,13 @@ def in_words(summary: dict[str, Any]) -> str:
     # With more buildings, an interval is missing only where all of them agree.
     if any(ratio["groups"] < MIN_GROUPS for ratio in compared.values()):
         said.append("These are too few buildings for intervals.")
+    outcomes: dict[str, list[str]] = {}
+    for drive in drives:
+        outcomes.setdefault(drive.arm, []).append(drive.outcome)
     collided = [
-        f"`{arm}` collided in {entry['collided']} of {entry['episodes']} drives."
-        for arm, entry in summary.items()
-        if entry["collided"]
+        f"`{arm}` collided in {ended.count('collided')} of {len(ended)} drives."
+        for arm, ended in outcomes.items()
+        if "collided" in ended
     ]
     return " ".join([*said, *(collided or ["No drive collided."])])
 

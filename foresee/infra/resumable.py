@@ -64,6 +64,8 @@ class ResumableFolder:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = lock(folder / ".lock", folder) if exclusive else None
+        except UsageError:
+            raise
         except (OSError, ValueError) as error:
             raise UsageError(f"{folder} cannot be used: {one_line(error)}") from None
         clear(folder)

@@ -246,6 +246,17 @@ def test_of_traces_with_a_flipped_byte_what_is_whole_is_kept(tmp_path, monkeypat
     assert (tmp_path / "traces.npz.damaged").read_bytes() == bytes(data)
 
 
+def test_without_its_settings_a_run_is_compared_with_those_of_its_results(tmp_path):
+    before = run_of(tmp_path)
+    (tmp_path / "settings.json").unlink()
+    with pytest.raises(UsageError, match=r"holds a run with .*v_max 4"):
+        Store(tmp_path, Settings(episodes=4, arms=("known",), v_max=2.0), None)
+    (tmp_path / "settings.json").unlink()
+    missing, notes, results = again(tmp_path)
+    assert (missing, notes) == ([], [])
+    assert_whole(tmp_path, results, before)
+
+
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", '{"episodes": [{}], "unused": [], "skipped": {}}', "[" * 100_000]
 )

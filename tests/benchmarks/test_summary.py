@@ -8,11 +8,12 @@ from drive_results import a_result
 from benchmarks.runs.summary import gap, summarise
 from benchmarks.runs.summary_text import in_words, main_table, table
 
+ARMS = ("known", "backup", "predicted 2 %")
 
-def summary_of(worlds, jitter=0.0, **changes):
-    """The summary of drives in which `backup` takes .8 and an arm at a risk .6 of the time."""
-    times = {"known": 10.0, "backup": 8.0, "predicted 2 %": 6.0}
-    episodes = [
+
+def drives_of(worlds, jitter=0.0, **changes):
+    """Drives in which `backup` takes .8 and an arm at a risk .6 of the time."""
+    return [
         a_result(
             index=i,
             world=f"w{i}",
@@ -21,26 +22,41 @@ def summary_of(worlds, jitter=0.0, **changes):
             level=0.1,
             **changes.get(arm, {}),
         )
-        for arm, time in times.items()
+        for arm, time in zip(ARMS, (10.0, 8.0, 6.0), strict=True)
         for i in range(worlds)
     ]
-    return summarise(episodes, tuple(times))
+
+
+def summary_of(worlds, **changes):
+    """The summary of these drives."""
+    return summarise(drives_of(worlds, **changes), ARMS)
+
+
+def words_of(worlds, **changes):
+    """What is said of these drives."""
+    return in_words(summary_of(worlds, **changes), drives_of(worlds, **changes))
 
 
 def test_words_say_what_each_driver_takes_and_who_collided():
-    assert in_words(summary_of(4)) == (
+    assert words_of(4) == (
         "Times, where that of `known`, which plans within what it observed, is 1: "
         "`backup` (no network) 0.80, `predicted 2 %` 0.60. These are too few buildings for "
         "intervals. No drive collided."
     )
-    many = in_words(summary_of(30, jitter=0.5))
+    many = words_of(30, jitter=0.5)
     assert re.search(r"`backup` \(no network\) 0\.8\d \(0\.\d\d–0\.\d\d\),", many)
     assert "too few" not in many
     # All buildings agree: there is no interval, but not for want of buildings.
-    assert "too few" not in in_words(summary_of(30))
-    crashed = summary_of(4, **{"predicted 2 %": {"outcome": "collided"}})
-    assert in_words(crashed).endswith("`predicted 2 %` collided in 4 of 4 drives.")
-    assert in_words({}) == ""
+    assert "too few" not in words_of(30)
+    crashed = words_of(4, **{"predicted 2 %": {"outcome": "collided"}})
+    assert crashed.endswith("`predicted 2 %` collided in 4 of 4 drives.")
+    assert in_words({}, []) == ""
+
+
+def test_a_collision_in_an_episode_that_another_arm_has_not_driven_is_told():
+    alone = a_result(arm="backup", index=9, outcome="collided")
+    said = in_words(summary_of(4), [*drives_of(4), alone])
+    assert said.endswith("`backup` collided in 1 of 5 drives.")
 
 
 def test_the_main_rows_are_few_and_those_of_the_whole_table():

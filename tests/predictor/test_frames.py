@@ -1,6 +1,7 @@
 """Frames come back as they were written, and a set that is not whole says what is wrong."""
 
 import json
+import platform
 import subprocess
 import sys
 
@@ -232,10 +233,12 @@ def test_a_set_goes_on_where_it_was(tmp_path):
         capture_output=True,
         text=True,
     ).stdout.strip()
-    (tmp_path / f"test-000.npz.{gone}.tmp").write_bytes(b"half")
+    half = tmp_path / f".test-000.npz.{gone}@{platform.node()}.tmp"
+    half.write_bytes(b"half")
+    (tmp_path / f"thesis.{gone}.tmp").write_bytes(b"no temporary file of this project")
     again = FrameSet(tmp_path, "simulated", {"a": 1}, NAMES)
     assert again.missing == ["test-000"]
-    assert not list(tmp_path.glob("*.tmp"))
+    assert [path.name for path in tmp_path.glob("*.tmp")] == [f"thesis.{gone}.tmp"]
     with pytest.raises(FramesError, match="unfinished"):
         Frames.load(tmp_path)
 

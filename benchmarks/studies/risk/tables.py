@@ -8,55 +8,20 @@ from typing import Any
 from benchmarks.runs.summary_text import EARLIER
 from benchmarks.studies.risk.series import PROMISE
 from foresee.infra.markdown import DASH, interval, records, span
-from foresee.mapping.family_names import FAMILIES
-from foresee.statistics import MIN_GROUPS, of_percentiles
 
 
 def tables(results: dict[str, Any]) -> str:
     """Return the results of the study as Markdown."""
-    results = with_intervals(results)
     parts = [
         _collision_table(results["promise"]),
         _speed_table(results["pareto"]),
         _family_table(results["pareto"]),
-        _pooled_table(results.get("pooled", [])),
-        _recalibration_table(results.get("recalibrations", [])),
+        _pooled_table(results["pooled"]),
+        _recalibration_table(results["recalibrations"]),
     ]
     if results["missing"]:
         parts.append(f"{results['missing']} drives are still to be made: the same command goes on.")
     return "\n\n".join(part for part in parts if part)
-
-
-def with_intervals(results: dict[str, Any]) -> dict[str, Any]:
-    """Return results of the study in which all intervals are over enough buildings.
-
-    Earlier versions recorded percentiles of a bootstrap, and intervals of collisions over drives,
-    not over buildings. A drive in a generated building was in a building of its own; of drives in
-    maps, the number of maps is not recorded, and no interval is given.
-    """
-    rows = {
-        part: [_with_intervals(row) for row in results.get(part, [])]
-        for part in ("promise", "pareto", "pooled")
-    }
-    return results | rows
-
-
-def _with_intervals(row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row of the study, see `with_intervals`."""
-    generated = set(row.get("world", ())) <= set(FAMILIES)
-
-    def amended(value: Any, worlds: int) -> Any:
-        if not isinstance(value, dict) or "groups" in value:
-            return value
-        if "low" in value:
-            return of_percentiles(value, worlds if generated else 0)
-        worlds = (value.get("time_ratio") or value).get("episodes", worlds)
-        return {key: amended(entry, worlds) for key, entry in value.items()}
-
-    new: dict[str, Any] = amended(row, 0)
-    if "drives" in row and "worlds" not in row and (not generated or row["drives"] < MIN_GROUPS):
-        new |= {name: None for name in ("interval", "per_km_interval") if name in row}
-    return new
 
 
 def _collision_table(rows: Sequence[dict[str, Any]]) -> str:
@@ -107,7 +72,7 @@ def _family_table(rows: Sequence[dict[str, Any]]) -> str:
             {"series": row["series"], "family": family, **_times(times)}
             for row in rows
             if row["group"] == PROMISE and row["arm"] == "predicted"
-            for family, times in row.get("time_by_family", {}).items()
+            for family, times in row["time_by_family"].items()
         ]
     )
 

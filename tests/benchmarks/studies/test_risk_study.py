@@ -25,7 +25,7 @@ from benchmarks.studies.risk.report import (
     pooled_rows,
 )
 from benchmarks.studies.risk.series import Series, list_series
-from benchmarks.studies.risk.tables import _collision_table, with_intervals
+from benchmarks.studies.risk.tables import _collision_table
 from foresee.checking import check_predictor
 from foresee.infra.command_line import UsageError
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
@@ -360,21 +360,3 @@ def test_drives_at_a_level_of_an_earlier_planner_are_marked(revision):
     assert marked == {revision < 2}
     assert not any(row["earlier_calibration"] for row in rows if row["level"] == 0.0)
     assert (EARLIER in _collision_table(rows)) is (revision < 2)
-
-
-def test_older_results_have_intervals_by_the_rules_of_today():
-    results = json.loads((Path(__file__).parents[3] / "docs/results/risk.json").read_text())
-    shown = with_intervals(results)
-    collisions = {row["series"]: row for row in shown["promise"] if row["group"] == "promise"}
-    assert collisions["mixture-0.02"]["interval"] == results["promise"][3]["interval"]
-    # Forty drives in three maps, and in fifteen.
-    assert collisions["robot_built-0.05"]["interval"] is None
-    assert collisions["kth-0.05"]["per_km_interval"] is None
-    speeds = {row["series"]: row for row in shown["pareto"] if row["group"] == "promise"}
-    before = {row["series"]: row for row in results["pareto"] if row["group"] == "promise"}
-    wider, narrower = (rows["mixture-0.02"]["time_ratio"] for rows in (speeds, before))
-    assert wider["value"] == narrower["value"]
-    assert 1.0 < (wider["high"] - wider["low"]) / (narrower["high"] - narrower["low"]) < 1.1
-    assert speeds["kth-0.02"]["time_ratio"]["low"] is None
-    family = speeds["mixture-0.02"]["time_by_family"]["narrow"]
-    assert family["share_of_gap"]["low"] is family["time_ratio"]["low"] is None
