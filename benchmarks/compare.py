@@ -7,6 +7,8 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from benchmarks.calibration.certificate import at_risk
 from benchmarks.calibration.settings import refuse_without_risk
 from benchmarks.figures.speed_profile import speed_profile
@@ -40,7 +42,7 @@ def drive(
             shipped one that is for the family that `world` names. A `World` cannot have one.
         settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
             `risk`, `uncertified`, `reliance`, `v_max`, `vehicle`, `car`, `start` and
-            `goal`.
+            `goal`; lists and arrays serve as tuples.
 
     Returns:
         The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` gives its arrays.
@@ -57,7 +59,11 @@ def drive(
         CalibrationError: if the calibration is for other settings, or only for larger risks, or was
             made with drives in the same building.
     """
-    unknown = settings.keys() - {field.name for field in fields(Settings)}
+    settings = {
+        name: tuple(np.asarray(value).tolist()) if isinstance(value, list | np.ndarray) else value
+        for name, value in settings.items()
+    }
+    unknown = settings.keys() - ({field.name for field in fields(Settings)} - {"episodes"})
     if unknown:
         raise UsageError(f"{min(unknown)}: drive() has no such setting")
     if not isinstance(settings.get("risk", 0.0), Real):
@@ -67,13 +73,12 @@ def drive(
     if chosen.tasks is not None:
         raise UsageError("tasks: a file of tasks is driven by the command foresee corridor")
     refuse_without_risk((chosen.risk,), calibration, chosen.uncertified)
-    if isinstance(world, str):
-        chosen = at_risk(chosen, calibration)
-    elif chosen.risk > 0:
+    if chosen.risk > 0 and not isinstance(world, str):
         raise UsageError(
             "risk: a calibration is for a family or a map file: pass the family's name or the "
             "file's path"
         )
+    chosen = at_risk(chosen, calibration)
     place = building(world, seed) if isinstance(world, str) else world
     task = make_task_in(place, chosen)
     warm_up_if_cold()

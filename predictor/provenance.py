@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -36,17 +36,18 @@ def weights_fingerprint(predictor: Any) -> str | None:
         raise WeightsError(f"weights {weights} cannot be read: {one_line(error)}") from error
 
 
-def has_learned(predictor: Any, *buildings: NDArray[np.int8]) -> bool:
+def has_learned(predictor: Any, forms: Iterable[NDArray[np.int8]]) -> bool:
     """Return whether a predictor was trained or validated on a building, according to its facts.
 
     Args:
         predictor: predictor or driver.
-        buildings: cells of the building's map, in each form in which it may have been learned.
+        forms: cells of the building's map, in each form in which it may have been learned; see
+            `sim.buildings.learned_forms`. Nothing is asked for if the facts name no buildings.
     """
-    facts, hashes = _facts(predictor), {world_hash(cells) for cells in buildings}
+    facts = _facts(predictor)
     worlds = [facts.get(name) for name in ("worlds", "validation_worlds")]
-    lists = [these for these in worlds if isinstance(these, Collection)]
-    return any(building in these for building in hashes for these in lists)
+    lists = [these for these in worlds if isinstance(these, Collection) and these]
+    return bool(lists) and any(world_hash(cells) in these for cells in forms for these in lists)
 
 
 def _facts(predictor: Any) -> dict[str, Any]:

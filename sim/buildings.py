@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -97,9 +98,12 @@ def at_sample_resolution(world: World) -> World:
     return sealed(World(world.name, resampled(world.grid, RESOLUTION)[0]))
 
 
-def learned_forms(world: World) -> list[NDArray[np.int8]]:
-    """Return the cells of a building as it is driven in, and as trainings use it."""
-    return [world.grid.cells, at_sample_resolution(world).grid.cells]
+def learned_forms(world: World) -> Iterator[NDArray[np.int8]]:
+    """Yield the cells of a building as it is driven in, and as trainings use it."""
+    yield world.grid.cells
+    used = at_sample_resolution(world)
+    if used is not world:
+        yield used.grid.cells
 
 
 def task_in(place: str, seed: int) -> Task:

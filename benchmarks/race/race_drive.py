@@ -12,6 +12,7 @@ from benchmarks.runs.drive import drive, result_of
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.trace import Trace
+from foresee.infra.workers import WorkersError
 from sim import DubinsCar, Lidar
 from sim.controller import ControllerDriver, ControllerError
 from sim.episode import EpisodeConfig, run_episode
@@ -34,7 +35,13 @@ def race_drive(suite_name: str, entry: Entry, index: int) -> dict[str, Any]:
         SuiteError: if this version draws another building than the suite has.
         ControllerError: if a driver raises an error or returns no proper control.
         PlugInError, PredictorError: if what drives cannot be loaded.
+        WorkersError: if what drives has changed since the race began.
     """
+    present = Entry.load(entry.kind, entry.of).fingerprint
+    if present != entry.fingerprint:
+        raise WorkersError(
+            f"{entry.of} has changed: it is {present}, the race is of {entry.fingerprint}"
+        )
     suite = Suite.read(suite_name)
     task = suite.task(index)
     settings = settings_of(suite, entry, index)

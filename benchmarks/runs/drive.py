@@ -198,7 +198,6 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         task, on_clock or navigator, DubinsCar(car), lidar, config, rng, observe, robot
     )
     _give_back()
-    forms = learned_forms(task.world)
     trace = Trace.of(task, index, arm_name, episode.trace | moment.arrays() | beliefs.arrays())
     result = result_of(
         settings,
@@ -207,7 +206,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         task,
         episode,
         trace,
-        learned=any(has_learned(part, *forms) for part in (predictor, frontiers)),
+        learned=any(has_learned(p, learned_forms(task.world)) for p in (predictor, frontiers)),
         level=settings.level if arm.takes_risk else None,
         calibrated=settings.calibrated if at_risk else None,
         uncertified=settings.uncertified and at_risk,

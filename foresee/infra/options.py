@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, field, fields
+from numbers import Real
 from pathlib import Path
 from types import UnionType
 from typing import Any, Self, get_args, get_origin, get_type_hints
@@ -72,7 +73,8 @@ class Options:
     Fields that are declared with `option` or `argument` are options of the command; others are not.
 
     Raises:
-        UsageError: if a number lies outside of its limits, or a value is not among the choices.
+        UsageError: if a number is none or lies outside of its limits, or a value is not among the
+            choices.
     """
 
     def __post_init__(self) -> None:
@@ -84,6 +86,8 @@ class Options:
                 allowed = ", ".join(map(str, choices))
                 raise UsageError(f"{_flag(setting)} is {value}, it must be of {allowed}")
             low, high = metadata.get("low"), metadata.get("high", math.inf)
+            if low is not None and not all(isinstance(number, Real) for number in values):
+                raise UsageError(f"{_flag(setting)} is {value!r}, it must be a number")
             for number in values if low is not None else ():
                 if not low <= number <= high:
                     wanted = f"lie between {low} and {high}"

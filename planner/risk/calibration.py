@@ -20,8 +20,8 @@ from planner.risk.betting import capital, needed
 KIND = "calibration"
 MOST_BYTES = 10_000_000
 """Largest calibration that is read [bytes]."""
-MOST_DRIVES = 100_000
-"""Largest number of drives of a test; more cannot be true."""
+MOST_DRIVES = 10**6
+"""Largest number of drives of a test, as of `foresee calibrate`; more cannot be true."""
 ROUNDING = 1e-6
 """Share by which the capital in a file may exceed the largest one possible."""
 

@@ -100,11 +100,12 @@ def score_drive(
     shown = [moments[0], moments[len(moments) // 2], moments[-1]] if moments else []
     arrays |= {f"picture/{i}": picture for i, (_, picture) in enumerate(shown)}
     building = world.grid.cells
-    forms = learned_forms(world)
     facts = {
         "world": world.name,
         "hash": world_hash(building),
-        "learned_by": [name for name, p in predictors.items() if has_learned(p, *forms)],
+        "learned_by": [
+            name for name, p in predictors.items() if has_learned(p, learned_forms(world))
+        ],
         "moments": len(similar[BLANK]),
         "ssim": {k: float(np.mean(v)) for k, v in similar.items()},
         "ms": {k: float(np.median(v)) for k, v in taken.items()},

@@ -245,7 +245,7 @@ def test_a_learned_building_is_known_by_its_cells(tmp_path):
     here = own_map(tmp_path, 0.05)
     cells = load_world(here.world[0]).grid.cells
     learned = SimpleNamespace(facts={"worlds": conditions_for(here)["maps"]})
-    assert has_learned(learned, cells)
+    assert has_learned(learned, [cells])
 
 
 def test_a_calibration_without_any_risk_is_refused():

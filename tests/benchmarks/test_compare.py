@@ -9,7 +9,7 @@ from benchmarks.compare import drive, plot
 from benchmarks.figures.animation import roll_out
 from foresee.infra.command_line import UsageError
 from sim import generate
-from sim.task import NoTaskError
+from sim.task import NoTaskError, sample_task
 
 
 def test_a_building_is_driven_with_and_without_prediction_and_drawn(tmp_path):
@@ -32,9 +32,25 @@ def test_a_family_by_name_is_the_building_itself():
 def test_a_setting_that_cannot_be_used_is_refused():
     with pytest.raises(UsageError, match="arm"):
         drive("corridor", arms=("nobody",))
+    with pytest.raises(UsageError, match="--v-max is 'fast', it must be a number"):
+        drive("corridor", v_max="fast")
 
 
-@pytest.mark.parametrize("wrong", [{"jobs": 1}, {"risk": (0, 0.02)}])
+def test_start_and_goal_may_be_lists_and_arrays():
+    task = sample_task(generate("corridor", 3), 3)
+    start, goal = list(task.start), np.array(task.goal)
+    run = drive("corridor", seed=3, arms=["full"], predictor="none", start=start, goal=goal)
+    assert run.episodes[0].start == pytest.approx(start)
+    assert run.settings["goal"] == tuple(goal)
+
+
+def test_the_name_of_an_arm_gives_no_risk():
+    for place in ("corridor", generate("corridor", 3)):
+        with pytest.raises(UsageError, match="give the risk with --risk"):
+            drive(place, arms=("predicted 2 %",), predictor="none")
+
+
+@pytest.mark.parametrize("wrong", [{"jobs": 1}, {"risk": (0, 0.02)}, {"episodes": 3}])
 def test_an_option_that_changes_no_single_drive_is_refused(wrong):
     with pytest.raises(UsageError, match=f"{next(iter(wrong))}: drive"):
         drive("corridor", **wrong)

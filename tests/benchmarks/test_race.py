@@ -2,15 +2,17 @@
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from calibrations import written
 from short_drive import drive, straight
 
 import benchmarks.bench
 import benchmarks.rank
 import sim.suite
-from benchmarks.calibration.certificate import at_risk
+from benchmarks.calibration.certificate import at_risk, conditions_for
 from benchmarks.race.entry import Entry
 from benchmarks.race.race_drive import race_drive, settings_of
 from benchmarks.race.ranking import ranking_page, read_entrants
@@ -18,6 +20,7 @@ from benchmarks.runs.drive import drive as compare
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.settings import Settings
 from foresee.infra.plug_in import load_plug_in
+from foresee.infra.workers import WorkersError
 from foresee.mapping.car_limits import CarLimits
 from sim.controller import ControllerDriver
 from sim.episode import Outcome
@@ -203,6 +206,21 @@ def test_a_risk_gives_the_level_that_a_calibration_certifies(tmp_path, monkeypat
     entry = Entry("predictor", "compact", None, risk=0.02, level=settings["level"])
     drives = settings_of(sim.suite.Suite.read("corridor-v1"), entry, 3)
     assert (drives.risk, drives.level) == (0.02, settings["level"])
+
+
+def test_a_calibration_in_any_building_of_the_suite_is_refused(tmp_path, capsys):
+    entry = Entry("predictor", "none", None)
+    conditions = conditions_for(settings_of(sim.suite.Suite.read("corridor-v1"), entry, 0))
+    file = written(tmp_path / "c.json", conditions=conditions, seed=900_000_030)
+    words = ("--predictor", "none", "--risk", "0.05", "--calibration", str(file))
+    assert bench(tmp_path / "out.json", *words) == 2
+    assert "same buildings" in capsys.readouterr().err
+
+
+def test_a_driver_that_is_edited_during_the_race_ends_it():
+    before = replace(Entry.load("driver", EXAMPLES[0]), fingerprint="before")
+    with pytest.raises(WorkersError, match="StopAndGo has changed"):
+        race_drive("corridor-v1", before, 0)
 
 
 def test_a_risk_without_a_certificate_is_said_in_the_ranking(files, tmp_path, monkeypatch, capsys):

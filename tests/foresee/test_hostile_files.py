@@ -482,4 +482,4 @@ def test_a_route_without_points_is_refused(points):
 @pytest.mark.parametrize("worlds", [5, None, "abc", {"a": 1}, [["a"]], [5]])
 def test_learned_worlds_of_any_kind_are_no_error(worlds):
     predictor = SimpleNamespace(facts={"worlds": worlds})
-    assert not has_learned(predictor, np.zeros((2, 2), np.int8))
+    assert not has_learned(predictor, [np.zeros((2, 2), np.int8)])

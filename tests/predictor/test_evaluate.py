@@ -255,8 +255,8 @@ def test_a_learned_map_of_another_resolution_is_told_too(tmp_path):
     trained = world_hash(read_building(tmp_path / "coarse.yaml").grid.cells)
     predictor = SimpleNamespace(facts={"worlds": [trained]})
     read = sealed(load_world(tmp_path / "coarse.yaml"))
-    assert has_learned(predictor, *learned_forms(read))
-    assert not has_learned(predictor, read.grid.cells)
+    assert has_learned(predictor, learned_forms(read))
+    assert not has_learned(predictor, [read.grid.cells])
 
 
 def test_families_and_folders_are_never_one_group(tmp_path):

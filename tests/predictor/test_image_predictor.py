@@ -160,8 +160,8 @@ def test_results_can_tell_weights_runtime_and_buildings(folder):
     predictor = load_predictor(str(folder / "mlp.safetensors"))
     facts = predictor.facts
     assert weights_fingerprint(predictor) == f"{facts['fingerprint']} on {facts['runtime']}"
-    assert has_learned(predictor, CELLS)
-    assert not has_learned(predictor, CELLS + 1)
+    assert has_learned(predictor, [CELLS])
+    assert not has_learned(predictor, [CELLS + 1])
 
 
 def test_weights_of_another_architecture_are_refused(folder):
