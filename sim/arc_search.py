@@ -17,7 +17,9 @@ HEADINGS = 16
 CELL = 0.2
 """Side of the squares of positions that the search distinguishes [m]."""
 CHECKS = 3
-"""Number of poses on an arc at which the body is tested."""
+"""Least number of poses on an arc at which the body is tested."""
+STRIDE = 0.3
+"""Largest distance between these poses [m]; cars that turn in wide arcs need more of them."""
 BUCKETS = 64
 """Number of buckets in the ring of the search; it exceeds the cost of any arc."""
 
@@ -117,6 +119,7 @@ def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no
     """
     turn = 2.0 * math.pi / HEADINGS
     length = radius * turn
+    checks = max(CHECKS, math.ceil(length / STRIDE))
     origin = field.origin
     rows = int(field.values.shape[0] * field.resolution / CELL) + 1
     cols = int(field.values.shape[1] * field.resolution / CELL) + 1
@@ -176,8 +179,8 @@ def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no
             if inside and closed[end_row, end_col, heading]:
                 continue
             spare = np.inf
-            for check in range(1, CHECKS + 1):
-                pose = _along(x, y, yaw, side, check / CHECKS, radius)
+            for check in range(1, checks + 1):
+                pose = _along(x, y, yaw, side, check / checks, radius)
                 spare = min(spare, _spare(field, circles, pose[0], pose[1], pose[2]))
                 if spare < 0.0:
                     break

@@ -134,7 +134,7 @@ class ControllerDriver:
         self._name = getattr(make, "__qualname__", repr(make))
         try:
             self._controller = make(Mission.of(task, car, window, prescribed))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ControllerError(f"{self._name} could not be made: {one_line(error)}") from error
 
     @property
@@ -152,7 +152,7 @@ class ControllerDriver:
         seen = self._sight.add(scan, state)
         try:
             control = self._controller.control(state.copy(), seen, self.known.whole())
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ControllerError(f"{self._name}.control: {one_line(error)}") from error
         self._check(control)
         self._last = control

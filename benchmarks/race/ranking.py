@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -241,7 +242,7 @@ def _repeat(suite: Suite, entrant: Entrant) -> list[str]:
     settings, entry = entrant.settings, entrant.settings["entry"]
     size = "small" if settings["buildings"] == suite.count("small") else "full"
     commits = {drive.commit for drive in entrant.drives}
-    words = ["foresee bench --suite", settings["suite"], "--size", size]
+    words = ["foresee", "bench", "--suite", settings["suite"], "--size", size]
     words += [f"--{entry.get('kind')}", str(entry.get("of"))]
     if settings["risk"]:
         words += ["--risk", f"{settings['risk']:g}"]
@@ -251,7 +252,7 @@ def _repeat(suite: Suite, entrant: Entrant) -> list[str]:
         words.append("--uncertified")
     return [
         entrant.name,
-        f"`{' '.join(words)}`",
+        f"`{shlex.join(words)}`",
         ", ".join(sorted(str(c)[:SHORT] for c in commits)),
         str(entry.get("fingerprint") or DASH)[:SHORT],
         str(settings["machine"].get("processor", DASH)),

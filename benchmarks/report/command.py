@@ -6,6 +6,8 @@ import shlex
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
+
 from benchmarks.runs.arms import CALIBRATED_ARM, arm_kind, arm_risk
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
@@ -50,4 +52,11 @@ def _words(value: Any) -> list[str]:
     """Return the words after an option; none after a flag."""
     if isinstance(value, bool):
         return []
-    return [str(each) for each in (value if isinstance(value, tuple) else (value,))]
+    return [_word(each) for each in (value if isinstance(value, tuple) else (value,))]
+
+
+def _word(value: Any) -> str:
+    """Return a value as a word. Numbers have no exponent, with which a negative one is no value."""
+    text = str(value)
+    exponent = isinstance(value, float) and "e" in text
+    return np.format_float_positional(value, trim="-") if exponent else text

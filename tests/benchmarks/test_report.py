@@ -240,6 +240,7 @@ def test_a_report_of_a_run_without_embedded_drives_has_no_links(run, monkeypatch
         "--arms known --world office corridor --route fixed --seed 7 --v-max 2.5 --noise 0.01",
         "--arms known --car f1tenth --start -1 2.5 0 --goal 6 1.5 --episodes 2",
         "--arms predicted --fixed-level --level 0.02 --expansion 1.5",
+        "--arms known --start 1 2 -0.00001 --goal 6 1.5",
     ],
 )
 def test_the_command_of_a_report_gives_the_settings_of_the_run(words, run):

@@ -1,6 +1,7 @@
 """Drivers of one method: what they see, and what is refused."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -89,6 +90,7 @@ def test_it_is_told_the_route_only_if_that_is_prescribed():
         (Control(1.0, 0.0, -1), "gear must be 1: this car has no reverse gear"),
         (Control(1.0, 0.0, 1, 0.5), "cannot turn on the spot"),
         (lambda *seen: 1 / 0, "ZeroDivisionError: division by zero"),
+        (lambda *seen: sys.exit("enough"), "SystemExit: enough"),
     ],
 )
 def test_what_is_no_proper_control_is_refused_in_a_line(control, message):

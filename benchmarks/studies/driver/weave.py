@@ -48,6 +48,9 @@ def counts(run: Run) -> dict[str, Any]:
     for arm in run.arms:
         metres, changes, speeds = 0.0, [0] * len(THRESHOLDS), list[float]()
         for index in run.indices:
+            if (index, arm) not in run.drives:
+                # The run was interrupted, or a worker process died.
+                continue
             trace = run.trace(index, arm)
             xy, curvature = trace.states[:, :2], trace.controls[:, 1].astype(float)
             route = np.vstack([xy[:1], trace.waypoints])

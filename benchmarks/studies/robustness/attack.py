@@ -18,6 +18,7 @@ import sys
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from benchmarks.runs.drive_file import DriveFile
 from foresee.infra.command_line import Command, UsageError
@@ -60,7 +61,7 @@ def _run(settings: AttackSettings, place: Place) -> int:
     from benchmarks.runs.settings import Settings
     from benchmarks.studies.robustness.hostile_drives import attacked, failures, table
     from benchmarks.studies.robustness.scenario import SITUATIONS
-    from sim.buildings import check_maps, sources
+    from sim.buildings import check_maps, map_hashes, sources
 
     if settings.maps and not settings.errors:
         raise UsageError("--maps needs --errors")
@@ -68,10 +69,13 @@ def _run(settings: AttackSettings, place: Place) -> int:
 
     # Drives of other kinds, or of an earlier planner, are not continued.
     identity = asdict(settings) | {"situations": list(SITUATIONS), "revision": REVISION}
+    if settings.maps:
+        identity["map_hashes"] = map_hashes(settings.maps)
     if settings.errors:
         # Of the honest predictor.
         identity["weights"] = run_fingerprint(Settings())
-    absent = {"errors": False, "maps": []}
+    # Older files do not name the contents of their maps, which are not compared then.
+    absent: dict[str, Any] = {"errors": False, "maps": [], "map_hashes": identity.get("map_hashes")}
     store = DriveFile(place.out, "attack", identity, grows="drives", absent=absent)
     maps = tuple(sources(settings.maps))
     work = partial(attacked, settings.seed, settings.seconds, errors=settings.errors, maps=maps)

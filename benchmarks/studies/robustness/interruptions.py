@@ -23,6 +23,7 @@ import numpy as np
 from safetensors.numpy import load_file
 
 from foresee.infra.command_line import UsageError
+from foresee.infra.environment import commit
 from foresee.infra.markdown import records
 from foresee.infra.progress import progress
 
@@ -184,7 +185,7 @@ def references(work: Path, chosen: Iterable[str]) -> dict[str, float]:
     """Run each command without an interruption, and return command → time [s].
 
     Commands that make input data come first. Each command is run twice, and the second run is
-    timed, since the first one may compile kernels.
+    timed, since the first one may compile kernels. Runs of the same commit are not repeated.
 
     Args:
         work: folder of the input data and of the uninterrupted runs.
@@ -197,7 +198,8 @@ def references(work: Path, chosen: Iterable[str]) -> dict[str, float]:
     commands = dict.fromkeys([*INPUTS.values(), *chosen])
     for command in progress(commands, unit="command", desc="uninterrupted"):
         done = work / f"{command}.json"
-        if not done.exists():
+        known = json.loads(done.read_bytes()) if done.exists() else {}
+        if known.get("commit") != commit():
             own = work / f"data-{command}"
             for _ in range(2):
                 for folder in (work / command, own):
@@ -209,8 +211,9 @@ def references(work: Path, chosen: Iterable[str]) -> dict[str, float]:
                 if ran.returncode:
                     lines = ran.stderr.strip().splitlines() or ["no message"]
                     raise UsageError(f"{command} failed without any interruption: {lines[-1]}")
-            done.write_text(json.dumps(time.monotonic() - began), encoding="utf-8")
-        seconds[command] = float(json.loads(done.read_bytes()))
+            known = {"commit": commit(), "seconds": time.monotonic() - began}
+            done.write_text(json.dumps(known), encoding="utf-8")
+        seconds[command] = known["seconds"]
     return seconds
 
 

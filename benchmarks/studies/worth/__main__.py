@@ -89,7 +89,7 @@ def _run(settings: WorthSettings) -> int:
         settings.predictors,
         settings.calibrations,
         settings.buildings,
-        [(window, v_max) for v_max in settings.speeds for window in settings.windows],
+        list(dict.fromkeys((w, v_max) for v_max in settings.speeds for w in settings.windows)),
     )
     with ResumableFolder(settings.out, exclusive=True):
         drives, missing = drive_all(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from drive_results import a_result
 
+from benchmarks.runs.saved_run import Run
 from benchmarks.studies.driver import weave
 
 WAY = np.array([[20.0, 2.0], [20.0, 12.0]])
@@ -47,6 +48,22 @@ def test_changes_of_sign_on_the_straight_are_counted_and_none_in_the_corner(tmp_
     assert 14.0 < found["metres"] < 16.0
     assert found["speed"] == 2.0
     assert weave.table(results) in capsys.readouterr().out
+
+
+def test_drives_that_a_run_lacks_are_left_out(tmp_path):
+    folder = a_run(tmp_path / "run", [])
+    results = json.loads((folder / "results.json").read_text())
+    lone = results["episodes"][0] | {"index": 1, "arm": "backup"}
+    results["episodes"].append(lone)
+    with np.load(folder / "traces.npz") as packed:
+        traces = dict(packed)
+    names = {"states": "e1/backup/states", "controls": "e1/backup/controls"}
+    more = {of: traces[f"e0/known/{name}"] for name, of in names.items()}
+    more["w1/waypoints"] = WAY
+    np.savez_compressed(folder / "traces.npz", **traces, **more)
+    (folder / "results.json").write_text(json.dumps(results))
+    arms = weave.counts(Run.load(folder))["arms"]
+    assert arms["known"] == arms["backup"]
 
 
 def test_an_arm_without_a_straight_has_a_dash():
