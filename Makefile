@@ -7,7 +7,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e
+# Most modules are never imported: those that are, Python compiles then.
+INSTALL = $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e
 
 # What the paper's networks are, and how they learn: reduced to what 2 cores do in about two hours. With a GPU:
 # make study NET='--preset paper --sigma 0.02 --epochs 3 --batch 8 --rate 4e-4 --bf16' STUDY='--jobs 15'
