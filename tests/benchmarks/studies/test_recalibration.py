@@ -65,6 +65,6 @@ def test_only_whole_blocks_of_the_calibrated_predictor_are_used(levels):
 
 def test_repeated_calibrations_are_shown(levels, tmp_path):
     rows = recalibrations(levels, drives_with(levels, (), (), (BLOCK,)), "none", 0.9)
-    found = {"promise": [], "pareto": [], "missing": 0, "recalibrations": rows}
+    found = {"promise": [], "pareto": [], "pooled": [], "missing": 0, "recalibrations": rows}
     assert f"1 of {BLOCK}" in tables_of(found)
     assert [path.name for path in draw(found, tmp_path)] == ["recalibrations.png"]
