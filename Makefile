@@ -7,7 +7,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-# Most modules are never imported: those that are, Python compiles then.
+# Python compiles a module when it is first imported; most of the installed ones never are.
 INSTALL = $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e
 
 # What the paper's networks are, and how they learn: reduced to what 2 cores do in about two hours. With a GPU:

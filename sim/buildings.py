@@ -92,7 +92,7 @@ def building(place: str, seed: int) -> World:
 
 
 def at_sample_resolution(world: World) -> World:
-    """Return a building with cells of 0.05 m, as trainings use it; of these it is the same."""
+    """Return a building with cells of 0.05 m, as trainings use it."""
     if abs(world.grid.frame.resolution / RESOLUTION - 1.0) < 1e-6:
         return world
     return sealed(World(world.name, resampled(world.grid, RESOLUTION)[0]))

@@ -56,7 +56,10 @@ def _words(value: Any) -> list[str]:
 
 
 def _word(value: Any) -> str:
-    """Return a value as a word. Numbers have no exponent, with which a negative one is no value."""
+    """Return a value as a word; numbers without an exponent.
+
+    The parser takes a negative number with an exponent for an option.
+    """
     text = str(value)
     exponent = isinstance(value, float) and "e" in text
     return np.format_float_positional(value, trim="-") if exponent else text

@@ -73,8 +73,8 @@ class Options:
     Fields that are declared with `option` or `argument` are options of the command; others are not.
 
     Raises:
-        UsageError: if a number is none or lies outside of its limits, or a value is not among the
-            choices.
+        UsageError: if a value is not a number where limits are given, lies outside of them, or is
+            not among the choices.
     """
 
     def __post_init__(self) -> None:
