@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 import warnings
@@ -22,6 +23,9 @@ RUNTIMES = ("openvino", "torch")
 """Names of the runtimes, the fastest first."""
 MOST_SIZES = 8
 """Number of input sizes for which compiled networks are kept."""
+NEWEST_INSTRUCTIONS = "AVX512_CORE_VNNI"
+"""Newest instruction set that OpenVINO may use, as oneDNN names it. With AMX, which is newer, sums
+of quantised networks are rounded in another way: drives would differ between processors."""
 
 
 def fastest_device() -> torch.device:
@@ -90,7 +94,8 @@ def _openvino(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Runner:
             sized = model.clone()
             sized.reshape({number: list(size) for number, size in enumerate(sizes)})
             settings = {"INFERENCE_NUM_THREADS": 1, "INFERENCE_PRECISION_HINT": "f32"}
-            requests[sizes] = core.compile_model(sized, "CPU", settings).create_infer_request()
+            with _older_instructions():
+                requests[sizes] = core.compile_model(sized, "CPU", settings).create_infer_request()
         return np.asarray(requests[sizes].infer(dict(enumerate(arrays)))[0])
 
     return run
@@ -118,6 +123,24 @@ def _converted(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Any:
     passes.register_pass(ConstantFolding())
     passes.run_passes(model)
     return model
+
+
+@contextmanager
+def _older_instructions() -> Iterator[None]:
+    """Hold OpenVINO to `NEWEST_INSTRUCTIONS`, unless the user has chosen an instruction set.
+
+    OpenVINO reads the variable when it first compiles a network, and has no other setting. It is
+    removed again, since PyTorch reads it as well, and trains faster without it.
+    """
+    variable = "ONEDNN_MAX_CPU_ISA"
+    if variable in os.environ:
+        yield
+        return
+    os.environ[variable] = NEWEST_INSTRUCTIONS
+    try:
+        yield
+    finally:
+        del os.environ[variable]
 
 
 @contextmanager

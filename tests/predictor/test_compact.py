@@ -1,6 +1,9 @@
 """The compact network and the predictor that runs it."""
 
+import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -136,6 +139,33 @@ def test_openvino_gives_the_answers_of_torch(shape, floats):
         # Sums near the middle between two integers are rounded to either.
         fast, plain = (getattr(Compact(runtime=one).predict(view), name) for one in RUNTIMES)
         assert np.abs(fast - plain).mean() < 1e-3
+
+
+def openvino_answers():
+    """Answers for maps of which half have sums near the middle between two integers."""
+    network = Compact(runtime="openvino")
+    maps = [random_map((200, 200), seed) for seed in range(10)]
+    answers = [network.predict(View(one, centre_pose(one, yaw=0.3))) for one in maps]
+    return np.array([(one.p_free, one.p_occupied, one.confidence) for one in answers])
+
+
+@pytest.mark.slow(7)
+def test_openvino_gives_the_same_answers_on_all_processors(tmp_path):
+    pytest.importorskip("openvino")
+    there = "import sys, numpy, tests.predictor.test_compact as test\n"
+    there += "numpy.save(sys.argv[1], test.openvino_answers())"
+    subprocess.run(
+        [sys.executable, "-c", there, tmp_path / "answers.npy"],
+        cwd=CARDS.parents[2],
+        env=os.environ | {"ONEDNN_MAX_CPU_ISA": "AVX2"},
+        check=True,
+    )
+    assert np.array_equal(openvino_answers(), np.load(tmp_path / "answers.npy"))
+
+
+def test_the_instructions_are_not_limited_for_other_libraries(compact):
+    compact.predict(View(corridor(), centre_pose(corridor())))
+    assert "ONEDNN_MAX_CPU_ISA" not in os.environ
 
 
 def test_integers_hardly_change_the_answers(floats):
