@@ -42,7 +42,8 @@ def drive(
             shipped one that is for the family that `world` names. A `World` cannot have one.
         settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
             `risk`, `uncertified`, `reliance`, `v_max`, `vehicle`, `car`, `start` and
-            `goal`; lists and arrays serve as tuples.
+            `goal`; lists and arrays serve as tuples. `predictor` can also be a class, which is
+            called without arguments for each arm.
 
     Returns:
         The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` gives its arrays.
@@ -59,15 +60,14 @@ def drive(
         CalibrationError: if the calibration is for other settings, or only for larger risks, or was
             made with drives in the same building.
     """
-    settings = {
-        name: tuple(np.asarray(value).tolist()) if isinstance(value, list | np.ndarray) else value
-        for name, value in settings.items()
-    }
+    settings = {name: _plain(value) for name, value in settings.items()}
     unknown = settings.keys() - ({field.name for field in fields(Settings)} - {"episodes"})
     if unknown:
         raise UsageError(f"{min(unknown)}: drive() has no such setting")
     if not isinstance(settings.get("risk", 0.0), Real):
         raise UsageError("risk: drive() takes one number")
+    if "predictor" in settings:
+        settings["predictor"] = _name_of(settings["predictor"])
     name = world if isinstance(world, str) else world.name
     chosen = Settings.with_defaults(world=(name,), seed=seed, episodes=1, **settings)
     if chosen.tasks is not None:
@@ -87,6 +87,29 @@ def drive(
     saved, summary = asdict(chosen) | {"dt": TICK}, summarise(results, chosen.arms)
     arrays = {name: values for drive in drives for name, values in drive.trace.arrays.items()}
     return Run(Path(name), saved, summary, results, arrays)
+
+
+def _plain(value: Any) -> Any:
+    """Return lists and arrays as tuples of plain numbers, and other values as they are."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    return tuple(np.asarray(value).tolist()) if isinstance(value, list) else value
+
+
+def _name_of(predictor: object) -> str:
+    """Return the name by which `load_predictor` finds a predictor.
+
+    Raises:
+        UsageError: if it is neither a name nor a class of a module.
+    """
+    if isinstance(predictor, str):
+        return predictor
+    if isinstance(predictor, type) and "<locals>" not in predictor.__qualname__:
+        return f"{predictor.__module__}:{predictor.__qualname__}"
+    raise UsageError(
+        "predictor: drive() takes a name, or a class that is not defined in a function, and no "
+        f"{type(predictor).__name__}: each arm makes a predictor of its own"
+    )
 
 
 def plot(run: Run) -> Figure:

@@ -180,7 +180,8 @@ class MPC:
         config: settings.
         stages: number N of steps of a plan.
         required: clearance that the circles around the body need [m].
-        growth: additional clearance that they need at each state of a plan, (N+1,) [m].
+        growth: additional clearance that they need at each state of a plan, (N+1,), or at all of
+            them, (1,) [m].
     """
 
     limits: CarLimits = field(default_factory=CarLimits)
@@ -196,7 +197,7 @@ class MPC:
         offsets, radius = car.body.circles(2)
         self._offset, self.required = float(offsets[-1]), radius + c.margin
         self._driving, self._weights = car.driving, c.weights
-        self.growth = np.zeros(self.stages + 1)
+        self.growth = np.zeros(1)
         # Number of a path's segments that one step may advance.
         self._reach = math.ceil(2.0 * car.v_max * c.dt / POINT_SPACING) + 2
         self._io = {

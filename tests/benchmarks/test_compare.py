@@ -8,6 +8,7 @@ import pytest
 from benchmarks.compare import drive, plot
 from benchmarks.figures.animation import roll_out
 from foresee.infra.command_line import UsageError
+from predictor.extend import Extend
 from sim import generate
 from sim.task import NoTaskError, sample_task
 
@@ -42,6 +43,25 @@ def test_start_and_goal_may_be_lists_and_arrays():
     run = drive("corridor", seed=3, arms=["full"], predictor="none", start=start, goal=goal)
     assert run.episodes[0].start == pytest.approx(start)
     assert run.settings["goal"] == tuple(goal)
+    slow = drive("corridor", seed=3, arms=("full",), predictor="none", v_max=np.array(2.0))
+    assert slow.settings["v_max"] == 2.0
+
+
+def test_a_predictor_may_be_a_class():
+    by_class = drive("corridor", seed=6, arms=("predicted",), predictor=Extend, route="fixed")
+    by_name = drive("corridor", seed=6, arms=("predicted",), predictor="extend", route="fixed")
+    assert by_class.settings["predictor"] == "predictor.extend:Extend"
+    assert by_class.episodes[0].time == by_name.episodes[0].time
+
+
+def test_a_predictor_that_no_name_stands_for_is_refused():
+    class Local(Extend):
+        pass
+
+    with pytest.raises(UsageError, match="a name, or a class .* and no Extend"):
+        drive("corridor", predictor=Extend())
+    with pytest.raises(UsageError, match="not defined in a function"):
+        drive("corridor", predictor=Local)
 
 
 def test_the_name_of_an_arm_gives_no_risk():

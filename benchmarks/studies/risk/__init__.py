@@ -1,5 +1,5 @@
 """Requested against realised risk, and speed against collisions.
 
-`series` lists the series of drives, `drives` makes them, `recalibration` repeats calibrations on
-them, `report` evaluates them, and `tables` and `figures` present the results.
+`series` lists the series of drives, `drives` makes them, `report` evaluates them, and `tables` and
+`figures` present the results.
 """

@@ -82,7 +82,6 @@ def _study(settings: RiskSettings, calibration: Calibration, all_series: list[Se
     from benchmarks.runs.drive_series import drive_all
     from benchmarks.studies.risk.drives import KIND, driven, saved_drives
     from benchmarks.studies.risk.figures import draw
-    from benchmarks.studies.risk.recalibration import recalibrations
     from benchmarks.studies.risk.report import (
         collision_rows,
         exceeds_its_risk,
@@ -110,9 +109,6 @@ def _study(settings: RiskSettings, calibration: Calibration, all_series: list[Se
         "promise": rows,
         "pareto": speed_rows(all_series, drives),
         "pooled": pooled_rows(all_series, drives),
-        "recalibrations": recalibrations(
-            all_series, drives, settings.predictor, calibration.confidence
-        ),
     }
     write_results(settings.out / "results.json", "risk", results)
     print("", tables(results), "", sep="\n")

@@ -23,7 +23,6 @@ def draw(results: dict[str, Any], out: Path) -> list[Path]:
     figures = [
         ("promise.png", partial(_promise, results)),
         ("pareto.png", partial(_pareto, results)),
-        ("recalibrations.png", partial(_recalibrations, results)),
     ]
     return save_figures(figures, out)
 
@@ -103,35 +102,6 @@ def _pareto(results: dict[str, Any]) -> Figure | None:
         )
     end = max(10.0, 1.1 * axes.dataLim.x1)
     axes.set(xlabel="collisions [% of drives]", xlim=(-0.03 * end, end), ylabel="SCT", ylim=(0, 1))
-    axes.legend(fontsize=7)
-    return figure
-
-
-def _recalibrations(results: dict[str, Any]) -> Figure | None:
-    """Draw the realised over the requested risk of each repeated calibration."""
-    rows = [r for r in results["recalibrations"] if r["rate"] is not None]
-    if not rows:
-        return None
-    blocks = sorted({r["block"] for r in rows})
-    figure = new_figure(5.0, 3.6)
-    axes = figure.subplots()
-    largest = 100 * max(r["requested"] for r in rows)
-    axes.plot([0, largest], [0, largest], color=INK, linewidth=0.8, linestyle="--")
-    for place, block in enumerate(blocks):
-        here = [r for r in rows if r["block"] == block]
-        bars = [_around(r["rate"], r["interval"]) for r in here]
-        axes.errorbar(
-            # Side by side, since many rates are the same.
-            [100 * r["requested"] + 0.5 * (place - (len(blocks) - 1) / 2) for r in here],
-            [100 * r["rate"] for r in here],
-            yerr=[[bar[end][0] for bar in bars] for end in range(2)],
-            marker="o",
-            markersize=4,
-            linewidth=1.0,
-            linestyle="none",
-            label=f"calibrated in block {block + 1}",
-        )
-    axes.set(xlabel="requested risk [% of drives]", ylabel="collisions in the other blocks [%]")
     axes.legend(fontsize=7)
     return figure
 

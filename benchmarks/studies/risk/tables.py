@@ -17,7 +17,6 @@ def tables(results: dict[str, Any]) -> str:
         _speed_table(results["pareto"]),
         _family_table(results["pareto"]),
         _pooled_table(results["pooled"]),
-        _recalibration_table(results["recalibrations"]),
     ]
     if results["missing"]:
         parts.append(f"{results['missing']} drives are still to be made: the same command goes on.")
@@ -87,22 +86,6 @@ def _pooled_table(rows: Sequence[dict[str, Any]]) -> str:
                 ),
                 **_collisions(row),
                 **_times(row),
-            }
-            for row in rows
-        ]
-    )
-
-
-def _recalibration_table(rows: Sequence[dict[str, Any]]) -> str:
-    return records(
-        [
-            {
-                "block": row["block"] + 1,
-                "requested risk": f"{row['requested']:g}",
-                "certified level": _number(row["level"] or None, "g"),
-                "collided in the other blocks": (
-                    f"{row['collided']:.0f} of {row['drives']}" if row["drives"] else DASH
-                ),
             }
             for row in rows
         ]
