@@ -58,7 +58,7 @@ def test_a_predictor_that_no_name_stands_for_is_refused():
     class Local(Extend):
         pass
 
-    with pytest.raises(UsageError, match="a name, or a class .* and no Extend"):
+    with pytest.raises(UsageError, match=r"a name, or a class .* and no Extend"):
         drive("corridor", predictor=Extend())
     with pytest.raises(UsageError, match="not defined in a function"):
         drive("corridor", predictor=Local)
