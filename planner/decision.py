@@ -49,3 +49,12 @@ class Decision:
     risk_map: RiskMap
     prediction: Prediction | None
     path: Path | None
+
+    @property
+    def speed(self) -> float:
+        """Speed of the car when the control begins to act, negative in reverse [m/s].
+
+        It differs from the measured one if the control acts later than the scan is taken: until
+        then, the car follows the controls that were sent before.
+        """
+        return float(self.plan.states[0, 3])

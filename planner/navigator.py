@@ -19,15 +19,16 @@ from foresee.mapping.conventions import GOAL_RADIUS, REST
 from foresee.mapping.error_bounds import NO_ERRORS
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
-from foresee.prediction import BadPredictionError, Prediction, Predictor, RaisedError, View
+from foresee.prediction import Prediction, Predictor, View
 from planner.decision import Decision
 from planner.fault import Fault
-from planner.guide.guide import Guide
+from planner.guide.guide import Guide, Leg
 from planner.motion.plan import mirrored
 from planner.mpc.initial_guess import shifted
 from planner.navigator_config import RISK_MAP_AHEAD, NavigatorConfig
 from planner.risk.adaptive_level import AdaptiveLevel
-from planner.risk.ask_predictor import FIRST_DEADLINE, Asker, LateError
+from planner.risk.ask_predictor import FIRST_DEADLINE, Asker
+from planner.risk.newest_prediction import NewestPrediction
 from planner.risk.predictor_process import PredictorProcess
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
@@ -112,7 +113,7 @@ class Navigator:
         self._last: Decision | None = None
         self._unsent: Control | None = None
         """Control that was decided last, unless it was withdrawn."""
-        self._before = _Before.of(self.chooser, None)
+        self._before = _Before.of(self.chooser, None, self.guide)
         self._late_times: dict[str, float] = {}
         """Times of the stages of a decision that was withdrawn [ms], for the tick that skips it."""
         self.faults: Counter[Fault] = Counter()
@@ -124,14 +125,11 @@ class Navigator:
         # Plans use predictions at a reliance above 0, and the guide uses them with `steer`: on a
         # prescribed route they shape the path and do not change the route.
         heard = config.reliance > 0 or config.steer
-        self._asker: Asker | PredictorProcess | None = None
-        self._prediction: Prediction | None = None
-        self._is_owed = False
-        """Whether the answer to an earlier question was late."""
+        self._predictor: NewestPrediction | None = None
         if heard and predictor is not None:
             if not isinstance(predictor, Asker | PredictorProcess):
                 predictor = Asker(predictor)
-            self._asker = predictor
+            self._predictor = NewestPrediction(predictor)
         known.cover(known.frame.square(*goal, config.window))
         for x, y in () if waypoints is None else waypoints:
             known.cover(known.frame.square(float(x), float(y), WAYPOINT_SIDE))
@@ -160,7 +158,7 @@ class Navigator:
         self._tick += 1
         clock, faults = _Clock(), list[Fault]()
         self._assume_sent()
-        self._before = _Before.of(self.chooser, self._last)
+        self._before = _Before.of(self.chooser, self._last, self.guide)
         self.guide.search_ms = 0.0
         faults += self._integrate(scan, state)
         self._level.check(self.known)
@@ -276,8 +274,10 @@ class Navigator:
             control=control,
             plan=plan if gear > 0 else plan.mirrored(),
             last_resort=shifted(last.last_resort, self.config.car.braking),
+            limit=Limit.UNSEEN if last.emergency else last.limit,
             faults=(Fault.MISSED_TICK,),
             relied=np.empty((0, 2)),
+            emergency=False,
             times=self._late_times,
             prediction=None,
         )
@@ -287,11 +287,13 @@ class Navigator:
     def withdraw(self) -> None:
         """Take back the decision of the last `step`, since it came too late and was not sent.
 
-        What was kept before it is kept again, so that `skip` goes on with that. The scan stays in
-        the map.
+        What was kept before it is kept again, in the gear of that time, so that `skip` goes on with
+        it. The scan stays in the map.
         """
         if self._last is not None:
             self._late_times = self._last.times
+        if self.guide.gear != self._before.leg.gear:
+            self.guide.recall(self._before.leg)
         self.chooser, self._last = self._before.chooser, self._before.decision
         self.chooser.recall(self._before.memory)
         self._unsent = None
@@ -408,36 +410,18 @@ class Navigator:
     def _predict(
         self, state: NDArray[np.float64], clock: _Clock
     ) -> tuple[Prediction | None, tuple[Fault, ...]]:
-        """Return the predictor's newest answer, or None if it fails, and the faults.
-
-        While an answer is late, the newest one before it counts: cells that were observed since
-        are not believed any more, and what it says of the others is still the best that is known.
-        """
-        if self._asker is None:
+        """Return the predictor's newest answer, or None if it fails, and the faults."""
+        if self._predictor is None:
             return None, ()
-        side, patience = self._asker.side or self.config.predicted_side, self.config.deadline
+        asker, patience = self._predictor.asker, self.config.deadline
         if self._tick == 0:
             patience = max(FIRST_DEADLINE, patience)
-        view = View.of(self.known, state[:3].copy(), side, self._asker.context_side)
+        side = asker.side or self.config.predicted_side
+        view = View.of(self.known, state[:3].copy(), side, asker.context_side)
         clock.lap("crop")
-        prediction, faults = None, tuple[Fault, ...]()
-        # An answer that another navigator has waited for is about another place.
-        late = self._asker.take_late() if self._is_owed else None
-        try:
-            prediction = self._asker.ask(view, patience)
-            self._is_owed = False
-            if prediction.nan_cells:
-                faults = (Fault.PREDICTOR_NAN,)
-        except LateError:
-            prediction, faults = late or self._prediction, (Fault.PREDICTOR_LATE,)
-            self._is_owed = True
-        except RaisedError:
-            faults = (Fault.PREDICTOR_RAISED,)
-        except BadPredictionError:
-            faults = (Fault.PREDICTOR_BAD,)
-        self._prediction = prediction
+        answer = self._predictor.ask(view, patience)
         clock.lap("predict")
-        return prediction, faults
+        return answer
 
 
 class _Before(NamedTuple):
@@ -447,16 +431,18 @@ class _Before(NamedTuple):
         chooser: chooser of the gear.
         memory: what it remembers.
         decision: decision before; None: there was none.
+        leg: what the guide followed, and in which gear.
     """
 
     chooser: PlanChooser
     memory: PlanMemory
     decision: Decision | None
+    leg: Leg
 
     @classmethod
-    def of(cls, chooser: PlanChooser, decision: Decision | None) -> _Before:
+    def of(cls, chooser: PlanChooser, decision: Decision | None, guide: Guide) -> _Before:
         """Return what there is before a step."""
-        return cls(chooser, chooser.memory(), decision)
+        return cls(chooser, chooser.memory(), decision, guide.leg())
 
 
 class _Clock:

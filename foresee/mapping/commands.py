@@ -46,7 +46,7 @@ def twist_of(control: Control, speed: float, car: CarLimits, dt: float = TICK) -
 
     Args:
         control: control for one tick.
-        speed: present speed, negative in reverse [m/s].
+        speed: speed when the control begins to act, negative in reverse [m/s]: `Decision.speed`.
         car: limits of the car, whose top speed in the gear is not exceeded.
         dt: length of the tick [s].
 
@@ -75,7 +75,7 @@ def steering_of(
 
     Args:
         control: control for one tick.
-        speed: present speed of (x, y), negative in reverse [m/s].
+        speed: speed of (x, y) when the control begins to act, negative in reverse [m/s].
         car: limits of the car, whose top speed in the gear is not exceeded.
         wheelbase: distance between the axles [m].
         ahead: distance of (x, y) ahead of the rear axle [m]; 0: (x, y) is the rear axle.

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from concurrent.futures import Executor, Future
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,17 @@ BACK_LENGTH = 4.0
 """Length of the way by whose direction a path leads back or not [m]."""
 SAME_PLACE = 0.01
 """Distance below which two places where the car got stuck are one [m]."""
+
+
+class Leg(NamedTuple):
+    """What a `Guide` follows: path, segment and gear, and the legs of a recovery manoeuvre."""
+
+    gear: int
+    legs: tuple[tuple[int, Path], ...]
+    on_leg: bool
+    path: Path | None
+    whole: Path | None
+    segment: int
 
 
 class Guide:
@@ -135,6 +147,15 @@ class Guide:
         if not is_there and not self.on_leg:
             self._legs = []
         return is_there and abs(state[3]) <= REST
+
+    def leg(self) -> Leg:
+        """Return what is followed at present, for `recall`."""
+        return Leg(self.gear, tuple(self._legs), self.on_leg, self.path, self._whole, self.segment)
+
+    def recall(self, leg: Leg) -> None:
+        """Go back to what was followed when `leg` was called; a turn since then is given up."""
+        self.gear, legs, self.on_leg, self.path, self._whole, self.segment = leg
+        self._legs, self.turn_to = list(legs), None
 
     def begin_leg(self) -> None:
         """Begin the next leg of a recovery manoeuvre, in its gear."""

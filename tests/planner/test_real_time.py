@@ -265,9 +265,9 @@ def test_a_late_prediction_counts_for_what_was_not_observed_since():
         assert not (risk.safe & risk.known.occupied).any()
     assert slow.asked == 2
     slow.may.release()
-    driver._asker._thread.join()
+    driver._predictor.asker._thread.join()
     # The answer to the second question is there, while the third one waits.
     assert step().faults == ("predictor_late",)
-    newest = driver._prediction
+    newest = driver._predictor._newest
     assert newest is not first.prediction
     slow.may.release()

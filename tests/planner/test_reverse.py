@@ -132,6 +132,27 @@ def test_a_car_with_a_reverse_gear_gets_out_of_a_dead_end_to_its_goal(place):
     assert (episode.trace["kept"] == -1).all()
 
 
+def test_a_decision_that_changes_the_gear_can_be_withdrawn():
+    task = task_in("askew in a pocket")
+    driver, state = driver_in(task), np.array([*task.start, 0.0])
+    car = DubinsCar(CarLimits(reverse=FASTEST_BACK))
+    rng, changes = np.random.default_rng(0), 0
+    while changes < 2:
+        gear, legs = driver.guide.gear, list(driver.guide._legs)
+        scan = LIDAR.scan(task.world, state, rng)
+        control = driver.step(state, scan).control
+        if driver.guide.gear != gear:
+            changes += 1
+            driver.withdraw()
+            assert (driver.guide.gear, len(driver.guide._legs)) == (gear, len(legs))
+            assert driver.chooser is driver._choosers[gear]
+            # The next decision changes the gear again.
+            again = driver.step(state, scan)
+            assert again.control.gear == control.gear == -gear
+            assert not again.faults
+        state = car.step(state, control, DT)
+
+
 @pytest.mark.parametrize("place", IN_LINE)
 def test_a_car_that_has_seen_nothing_behind_it_gets_out_all_the_same(place):
     episode, unseen = driven(place)

@@ -12,7 +12,9 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from foresee.mapping.grid import HIGHEST, LOWEST, GridFrame
 from foresee.prediction import Prediction
+from planner.fault import Fault
 from planner.navigator_config import NavigatorConfig
+from planner.risk.ask_predictor import LateError
 from sim import Lidar, empty_straight
 
 CAR = CarLimits(v_max=4.0)
@@ -34,6 +36,35 @@ def test_predicted_values_are_unknown_without_confidence():
     prediction = Prediction(frame, free, 1 - free, confidence)
     assert predicted_values(prediction, 0.5).tolist() == [[0, 75, -1, -1]]
     assert predicted_values(prediction, 0.0).tolist() == [[0, 75, 75, -1]]
+
+
+class Late:
+    """Stands for a process whose answer comes a tick after the question."""
+
+    side = context_side = 0.0
+
+    def __init__(self):
+        self.views = []
+
+    def ask(self, view, patience):
+        self.views.append(view)
+        raise LateError
+
+    def take_late(self):
+        known = self.views[-1].known
+        everywhere = np.ones(known.frame.shape)
+        return Prediction(known.frame, everywhere, 0.0 * everywhere, everywhere)
+
+
+def test_a_late_prediction_is_used_when_it_is_there():
+    forecaster = Forecaster(NavigatorConfig(car=CAR, reliance=0.3), Late(), 0.05)
+    motion = Motion(0.0, (5.0, 2.0, 0.0), 1.0, 0.0)
+    scan = Lidar().scan(empty_straight(12.0, 3.0), motion.pose)
+    first, second = (forecaster.look(motion, scan) for _ in range(2))
+    assert first.prediction is None
+    assert second.prediction is not None
+    assert first.faults == second.faults == (Fault.PREDICTOR_LATE,)
+    assert second.speed_limit > first.speed_limit
 
 
 @given(st.floats(0.0, 20.0), st.floats(0.0, 1.0))

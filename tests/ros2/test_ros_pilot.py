@@ -1,16 +1,18 @@
 """The pilot drives, stops, and keeps the map from goal to goal."""
 
 import math
+from collections import deque
 
 import numpy as np
 import pytest
 from foresee_navigator.pilot import Mode, Pilot
 from foresee_navigator.report import Circumstances, Severity, report_on
-from foresee_navigator.settings import SimulatorSettings
+from foresee_navigator.settings import NavigatorSettings, SimulatorSettings
 from foresee_navigator.simulated_robot import STEP, SimulatedRobot, task_for
 from scipy.ndimage import binary_dilation
 
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.commands import TwistCommand
 from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, UNKNOWN, Grid
 from planner.navigator_config import NavigatorConfig
@@ -73,6 +75,52 @@ def test_the_simulated_robot_turns_on_the_spot_only_where_it_can():
     assert yaws == pytest.approx([STEP, 0.0])
 
 
+@pytest.mark.parametrize("delay", [0.1, 0.3])
+def test_a_robot_whose_commands_act_late_stops_before_a_wall(delay):
+    config = NavigatorSettings(v_max=3.0, delay=delay, jitter=0.0).navigator
+    goal = (11.6, 1.1)
+    task = Task(empty_straight(12.0, 1.2), (2.0, 1.1, 0.0), goal, np.array([goal]), 9.6, 0)
+    robot = SimulatedRobot(SimulatorSettings(v_max=3.0, range_noise=0.0), task)
+    driver, speeds, sent = Pilot(config, None, 0.05, 0.05), [], deque()
+    driver.head_for(goal)
+    for _ in range(80):
+        action = driver.act(robot.state.copy(), robot.scan())
+        sent.append((robot.time + delay, action))
+        assert action.decision is None or not action.decision.faults
+        for _ in range(5):
+            if sent and sent[0][0] < robot.time + 0.5 * STEP:
+                _, acting = sent.popleft()
+                robot.command(acting.speed, acting.yaw_rate)
+            robot.step()
+            speeds.append(float(robot.state[3]))
+    assert max(speeds) > 1.5
+    # It brakes as hard as is planned, not half as hard.
+    assert min(b - a for a, b in zip(speeds, speeds[5:], strict=False)) < -0.12
+    assert not robot.has_collided
+    assert all(action.speed == 0.0 or speeds[-1] > 0.0 for _, action in sent)
+
+
+def test_the_commands_that_are_kept_stop_a_robot_whose_commands_act_late():
+    config = NavigatorSettings(delay=0.2, jitter=0.0).navigator
+    driver, state = Pilot(config, None, 0.05, 0.5), START.copy()
+    driver.head_for(GOAL)
+    for _ in range(12):
+        action = driver.act(state, LIDAR.scan(WORLD, state))
+        state = DubinsCar(CAR).step(state, follow(state, action), 0.1)
+    assert driver.coming(float(state[3]))[-1].speed == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_turn_on_the_spot_ends_if_no_decision_follows():
+    settings = NavigatorSettings(robot="jackal", range_error=0.0, delay=0.0, jitter=0.0)
+    driver = Pilot(settings.navigator, None, 0.05, 0.5)
+    driver.head_for((3.0, 2.5))
+    state = np.array([12.0, 2.5, 0.0, 0.0])
+    while (action := driver.act(state, LIDAR.scan(WORLD, state))).yaw_rate == 0.0:
+        pass
+    assert action.speed == 0.0
+    assert driver.coming(0.0)[0] == TwistCommand(0.0, 0.0)
+
+
 def test_without_a_goal_it_stands_and_maps():
     driver = Pilot(NavigatorConfig(car=CAR), None, 0.05, 0.5)
     action = driver.act(START, LIDAR.scan(WORLD, START))
@@ -113,10 +161,11 @@ def test_without_data_it_stops_by_the_manoeuvre_that_was_kept_and_goes_on_after(
     assert driver.known is known
 
 
-def test_a_late_decision_is_withdrawn_and_what_was_kept_is_driven():
+@pytest.mark.parametrize("ticks", [5, 20])
+def test_a_late_decision_is_withdrawn_and_what_was_kept_is_driven(ticks):
     driver, on_time = pilot(), pilot()
-    states, _ = drive(driver, START, 20)
-    drive(on_time, START, 20)
+    states, _ = drive(driver, START, ticks)
+    drive(on_time, START, ticks)
     coming = driver.coming(float(states[-1][3]))
     driver.act(states[-1], LIDAR.scan(WORLD, states[-1]))
     action = driver.late(2)
@@ -197,6 +246,21 @@ def test_the_simulator_seals_the_map_that_it_reads(tmp_path):
 def test_a_goal_that_is_not_finite_is_refused():
     with pytest.raises(ValueError, match="it must be finite"):
         pilot().head_for((math.nan, 0.0))
+
+
+def test_a_goal_that_is_too_far_away_is_refused():
+    driver, far = pilot(), (4e5, 5.6e6)
+    drive(driver, START, 2)
+    with pytest.raises(ValueError, match="cells"):
+        driver.head_for(far)
+    assert driver.goal == GOAL
+    without = Pilot(NavigatorConfig(car=CAR), None, 0.05, 0.5)
+    without.head_for(far)
+    action = without.act(START, LIDAR.scan(WORLD, START))
+    assert (action.mode, action.speed, without.goal) == (Mode.WAITING, 0.0, None)
+    assert "cells" in action.refused
+    without.head_for(GOAL)
+    assert without.act(START, LIDAR.scan(WORLD, START)).mode is Mode.DRIVING
 
 
 def test_a_report_says_why_the_car_is_slow():

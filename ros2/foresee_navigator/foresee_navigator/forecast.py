@@ -12,12 +12,12 @@ from foresee.mapping.car_limits import CONTACT_MARGIN, CarLimits
 from foresee.mapping.conventions import TICK
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
-from foresee.prediction import BadPredictionError, Prediction, RaisedError, View
+from foresee.prediction import Prediction, View
 from foresee_navigator.mapping import new_map, observe
 from foresee_navigator.poses import Motion
 from planner.fault import Fault
 from planner.navigator_config import RISK_MAP_AHEAD, NavigatorConfig
-from planner.risk.ask_predictor import LateError
+from planner.risk.newest_prediction import NewestPrediction
 from planner.risk.predictor_process import PredictorProcess
 from planner.risk.risk_map import RiskMap
 
@@ -60,8 +60,8 @@ class Forecaster:
         resolution: float,
     ) -> None:
         self.known: OccupancyGrid | None = None
-        self._config, self._predictor = config, predictor
-        self._resolution = resolution
+        self._config, self._resolution = config, resolution
+        self._predictor = None if predictor is None else NewestPrediction(predictor)
 
     def forget(self) -> None:
         """Begin a new map, since the old one does not fit the poses any more."""
@@ -90,20 +90,13 @@ class Forecaster:
         return Forecast(limit, prediction, (*faults, *more))
 
     def _predict(self, motion: Motion) -> tuple[Prediction | None, tuple[Fault, ...]]:
-        """Return the prediction, or None and why there is none."""
-        known, predictor = self.known, self._predictor
-        if predictor is None or known is None:
+        """Return the predictor's newest answer, or None if it fails, and the faults."""
+        if self._predictor is None or self.known is None:
             return None, ()
-        side = predictor.side or self._config.predicted_side
-        view = View.of(known, np.array(motion.pose), side, predictor.context_side)
-        try:
-            return predictor.ask(view, self._config.deadline), ()
-        except LateError:
-            return None, (Fault.PREDICTOR_LATE,)
-        except RaisedError:
-            return None, (Fault.PREDICTOR_RAISED,)
-        except BadPredictionError:
-            return None, (Fault.PREDICTOR_BAD,)
+        asker = self._predictor.asker
+        side = asker.side or self._config.predicted_side
+        view = View.of(self.known, np.array(motion.pose), side, asker.context_side)
+        return self._predictor.ask(view, self._config.deadline)
 
 
 def free_distance(risk: RiskMap, motion: Motion, car: CarLimits) -> float:

@@ -189,6 +189,8 @@ class NavigatorNode(Node):
             self._maps.publish(header, self._forecaster.known, prediction)
             return report_on_forecast(forecast, self._around)
         action = self._decided(*seen) if seen else self._pilot.stop()
+        if action.refused:
+            self.get_logger().error(f"goal refused: {action.refused}")
         if action.mode is not Mode.LATE:
             self._command(action)
         self._timed(started)

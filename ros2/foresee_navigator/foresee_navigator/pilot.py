@@ -6,6 +6,7 @@ import math
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,8 @@ STANDS = 0.05
 RESTS = 0.01
 """Speed up to which the navigator is told that the car stands [m/s]: it changes the gear and turns
 on the spot only at a speed of 0, which a noisy measurement would never show."""
+STILL = TwistCommand(0.0, 0.0)
+"""Command to stand."""
 
 
 class Mode(StrEnum):
@@ -50,6 +53,7 @@ class Action:
         yaw_rate: yaw rate to command [rad/s].
         decision: the navigator's decision, with its reasons; None if there was none.
         bad_scan: whether the scan could not be read.
+        refused: why the goal was given up; empty if it was not.
     """
 
     mode: Mode
@@ -57,6 +61,7 @@ class Action:
     yaw_rate: float
     decision: Decision | None = None
     bad_scan: bool = False
+    refused: str = ""
 
 
 class Pilot:
@@ -92,21 +97,22 @@ class Pilot:
         self._navigator: Navigator | None = None
         self._last: Decision | None = None
         self._has_reached = self._decides = False
-        self._sent = TwistCommand(0.0, 0.0)
+        self._sent = STILL
 
     def head_for(self, goal: tuple[float, float]) -> bool:
         """Take a goal x, y [m], and return whether it is a new one.
 
         Raises:
-            ValueError: if it is not finite.
+            ValueError: if it is not finite, or so far away that the map would need more than 10⁹
+                cells; the goal before it stays.
         """
         if not all(map(math.isfinite, goal)):
             raise ValueError(f"goal is {goal}, it must be finite")
         if self.goal is not None and math.dist(goal, self.goal) < SAME_GOAL:
             return False
-        self.goal, self._has_reached = goal, False
         if self._navigator is not None:
             self._navigator.head_for(goal)
+        self.goal, self._has_reached = goal, False
         return True
 
     def forget(self) -> None:
@@ -148,13 +154,17 @@ class Pilot:
         if navigator is None:
             # The map has the free space around its start already.
             config = replace(self._config, start_margin=0.0)
-            navigator = Navigator(
-                config, self._predictor, state, self.goal, self.known, executor=self._executor
-            )
+            try:
+                navigator = Navigator(
+                    config, self._predictor, state, self.goal, self.known, executor=self._executor
+                )
+            except ValueError as error:
+                # It is too far away for a map.
+                self.goal = None
+                return self._action(Mode.WAITING, self._slowed(), refused=str(error))
         self._last = navigator.step(state, scan)
         self._navigator, self._decides = navigator, True
-        twist = twist_of(self._last.control, float(state[3]), self._config.car)
-        return self._action(Mode.DRIVING, twist, self._last)
+        return self._action(Mode.DRIVING, self._twist_of(self._last), self._last)
 
     def coming(self, speed: float) -> list[TwistCommand]:
         """Return the commands of the coming ticks if no decision follows; they stop the car.
@@ -164,13 +174,14 @@ class Pilot:
         Args:
             speed: speed of the car [m/s].
         """
-        sent, commands = self._sent, list[TwistCommand]()
-        if self._last is None or (sent.speed == 0.0 and abs(speed) <= STANDS):
+        last, commands = self._last, list[TwistCommand]()
+        if last is None or (self._sent == STILL and abs(speed) <= STANDS):
             return commands
-        for acceleration, curvature in self._last.last_resort[1:].tolist():
-            control = Control(acceleration, curvature, self._last.control.gear)
-            sent = twist_of(control, sent.speed, self._config.car)
-            commands.append(sent)
+        then = self._twist_of(last).speed
+        for acceleration, curvature in last.last_resort[1:].tolist():
+            control = Control(acceleration, curvature, last.control.gear)
+            commands.append(twist_of(control, then, self._config.car))
+            then = commands[-1].speed
         return commands
 
     def late(self, ticks: int) -> Action:
@@ -196,7 +207,7 @@ class Pilot:
         return self._action(Mode.STOPPED, self._slowed())
 
     def _action(
-        self, mode: Mode, twist: TwistCommand, decision: Decision | None = None, **more: bool
+        self, mode: Mode, twist: TwistCommand, decision: Decision | None = None, **more: Any
     ) -> Action:
         self._sent = twist
         return Action(mode, twist.speed, twist.yaw_rate, decision, **more)
@@ -209,4 +220,8 @@ class Pilot:
             curvature = sent.yaw_rate / sent.speed if sent.speed else 0.0
             return twist_of(Control(-car.braking, curvature), sent.speed, car)
         self._last = self._navigator.skip()
-        return twist_of(self._last.control, sent.speed, car)
+        return self._twist_of(self._last)
+
+    def _twist_of(self, decision: Decision) -> TwistCommand:
+        """Return the command of a decision, from the speed that the car has when it acts."""
+        return twist_of(decision.control, decision.speed, self._config.car)

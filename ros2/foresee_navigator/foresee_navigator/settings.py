@@ -156,13 +156,13 @@ class NavigatorSettings(CarSettings):
     )
     yaw_error: float = parameter(0.0, "largest error of the estimated yaw", "rad", low=0, high=0.2)
     delay: float = parameter(
-        0.0,
+        0.01,
         "shortest time from a tick until the command decided in it acts, computing included",
         "s",
         low=0.0,
         high=1.0,
     )
-    jitter: float = parameter(0.0, "how much longer it may take, at most", "s", low=0.0, high=0.5)
+    jitter: float = parameter(0.09, "how much longer it may take, at most", "s", low=0.0, high=0.5)
     lag: float = parameter(
         0.0, "time constant with which the robot follows its commands", "s", low=0.0, high=0.5
     )
@@ -234,7 +234,7 @@ class SimulatorSettings(CarSettings):
         False, "publish /clock, which begins at 0; other nodes need use_sim_time"
     )
     speed_of_time: float = parameter(
-        1.0, "simulated seconds in a second; other than 1 only with clock", low=0.05, high=20.0
+        1.0, "simulated seconds in a second; other than 1 only with clock", low=0.5, high=20.0
     )
     odometry_frame: str = parameter("odom", "frame of the odometry and of the goal")
     base_frame: str = parameter("base_link", "frame of the robot")

@@ -65,6 +65,11 @@ class SimulatedRobot:
         """Distance to the goal [m]."""
         return math.dist(self.state[:2], self._task.goal)
 
+    @property
+    def is_commanded(self) -> bool:
+        """Whether a command came within the last `command_timeout`."""
+        return self.time - self._commanded <= self._settings.command_timeout
+
     def command(self, speed: float, yaw_rate: float) -> None:
         """Take a velocity: speed [m/s], negative in reverse, and yaw rate [rad/s].
 
@@ -84,7 +89,7 @@ class SimulatedRobot:
         if self.has_collided:
             self.time += STEP
             return
-        if self.time - self._commanded > self._settings.command_timeout:
+        if not self.is_commanded:
             self._speed = self._turn_rate = 0.0
         speed, wanted = float(self.state[3]), self._speed
         if speed * wanted < 0.0:

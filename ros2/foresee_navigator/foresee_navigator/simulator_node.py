@@ -54,7 +54,7 @@ class SimulatorNode(Node):
         if settings.clock:
             self._clocks = self.create_publisher(ClockMessage, "/clock", 10)
         self.create_subscription(Twist, "cmd_vel", self._take_command, 1)
-        self._outcome = ""
+        self._outcome, self._has_set_off = "", False
         self._begun = time.monotonic()
         # Stamps without a clock of its own count from here [ns].
         self._epoch = 0 if settings.clock else time.time_ns()
@@ -70,7 +70,9 @@ class SimulatorNode(Node):
 
     def _take_command(self, message: Twist) -> None:
         try:
-            self._robot.command(float(message.linear.x), float(message.angular.z))
+            speed, yaw_rate = float(message.linear.x), float(message.angular.z)
+            self._robot.command(speed, yaw_rate)
+            self._has_set_off |= bool(speed or yaw_rate)
         except ValueError as error:
             self.get_logger().error(str(error), throttle_duration_sec=5.0)
 
@@ -102,7 +104,9 @@ class SimulatorNode(Node):
             self._publish_odometry(stamp)
         if due(now, settings.scan_period):
             self._publish_scan(stamp)
-        if due(now, 1.0):
+        self._has_set_off &= self._robot.is_commanded
+        if due(now, 1.0) and not self._has_set_off:
+            # Other goals may follow it on the drive.
             header = header_of(stamp, settings.odometry_frame)
             pose = pose_at(*self._task.goal, 0.0)
             self._goals.publish(PoseStamped(header=header, pose=pose))
