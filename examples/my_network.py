@@ -16,6 +16,8 @@ from torch.utils.data import DataLoader, Dataset
 
 import foresee
 from foresee.infra.atomic_file import replacing
+from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.resampling import resampled
 from predictor import check
 from predictor.data.samples import Samples, quarters
 from predictor.data.squares import NOTHING, encode_cells, middle, parted
@@ -31,8 +33,8 @@ MULTIPLE = 8
 class Squares(Dataset):
     """Observed and true maps of the squares around the car, which looks along +x."""
 
-    def __init__(self, folder):
-        self.samples = Samples.load(folder)
+    def __init__(self, folder, drives=None):
+        self.samples = Samples.load(folder, drives)
 
     def __len__(self):
         return len(self.samples)
@@ -93,15 +95,15 @@ def loss_of(net, seen, truth):
     return (each * unseen).sum() / unseen.sum()
 
 
-def trained(folder, steps, batch):
+def trained(folder, drives, steps, batch):
     """Train on the samples of a folder, and print the loss on those held out."""
-    net, seen_so_far = Net(), 0
+    net, step = Net(), 0
     optimiser = torch.optim.AdamW(net.parameters(), 3e-3, weight_decay=1e-3)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 3e-3, total_steps=steps)
-    held_out = DataLoader(Squares(folder / "validation"), batch)
-    data = Squares(folder / "train")
+    held_out = DataLoader(Squares(folder / "validation", drives[1]), batch)
+    data = Squares(folder / "train", drives[0])
     loader = DataLoader(data, min(batch, len(data)), shuffle=True, drop_last=True)
-    while seen_so_far < steps:
+    while step < steps:
         for seen, truth in loader:
             if torch.rand(()) < 0.5:  # Left and right are alike.
                 seen, truth = seen.flip(1), truth.flip(1)
@@ -110,10 +112,10 @@ def trained(folder, steps, batch):
             loss.backward()
             optimiser.step()
             schedule.step()
-            seen_so_far += 1
-            if seen_so_far % 100 == 0 or seen_so_far == steps:
-                print(f"step {seen_so_far}: loss {loss.item():.3f}", flush=True)
-            if seen_so_far == steps:
+            step += 1
+            if step % 100 == 0 or step == steps:
+                print(f"step {step}: loss {loss.item():.3f}", flush=True)
+            if step == steps:
                 break
     with torch.inference_mode():
         losses = [loss_of(net.eval(), *pair).item() for pair in held_out]
@@ -154,17 +156,19 @@ class MyNetwork:
     def predict(self, view):
         """Return the probabilities of the network; the confidence is 0.9999."""
         known, turns = view.known, quarters(float(view.pose[2]))
-        codes = np.rot90(encode_cells(known.cells), turns)
+        # The network was trained on maps of this resolution.
+        fine, old_rows, old_cols = resampled(known, RESOLUTION)
+        codes = np.rot90(encode_cells(fine.cells), turns)
         rows, cols = codes.shape
         padded = np.pad(codes, [(0, -n % MULTIPLE) for n in codes.shape], constant_values=NOTHING)
         observed = np.stack([padded == 0, padded == 1])[None].astype(np.float32)
         chances = self.request.infer({0: observed})[0][0, :, :rows, :cols]
-        free, occupied, _ = np.rot90(chances, -turns, axes=(1, 2))
+        free, occupied, _ = np.rot90(chances, -turns, axes=(1, 2))[:, old_rows][:, :, old_cols]
         return foresee.Prediction(known.frame, free, occupied, np.full(free.shape, 0.9999))
 
 
 def compare(predictor, seeds):
-    """Print the time of drives with this predictor, and with `compact`, over that of `known`."""
+    """Print the times of drives with this predictor, with `compact`, and of `known`."""
     for seed in seeds:
         arms = ("known", "predicted")
         runs = {
@@ -193,7 +197,8 @@ def main(argv=None):
     torch.manual_seed(0)
     samples = DrivesConfig(out=options.data, train=options.train, validation=options.validation)
     make(samples, options.jobs)
-    export(trained(options.data, options.steps, options.batch), MyNetwork.weights)
+    drives = options.train, options.validation
+    export(trained(options.data, drives, options.steps, options.batch), MyNetwork.weights)
     module = __spec__.name if __spec__ else Path(__file__).stem
     name = f"{module}:MyNetwork"
     status = check.main([name])

@@ -20,7 +20,7 @@ def weights_fingerprint(predictor: Any) -> str | None:
 
     It is that of its `facts`, with the runtime, which decides the last digits, on which a drive may
     depend. Without them, it is the SHA-256 hash of the file that its attribute `weights` names, if
-    that is a `Path`.
+    that is a `Path` or a string.
 
     Raises:
         WeightsError: if that file cannot be read.
@@ -28,10 +28,10 @@ def weights_fingerprint(predictor: Any) -> str | None:
     facts = _facts(predictor)
     identity = [facts[name] for name in ("fingerprint", "runtime") if name in facts]
     weights = getattr(predictor, "weights", None)
-    if identity or not isinstance(weights, Path):
+    if identity or not isinstance(weights, Path | str):
         return " on ".join(map(str, identity)) or None
     try:
-        return hashlib.sha256(weights.read_bytes()).hexdigest()
+        return hashlib.sha256(Path(weights).read_bytes()).hexdigest()
     except OSError as error:
         raise WeightsError(f"weights {weights} cannot be read: {one_line(error)}") from error
 

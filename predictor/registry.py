@@ -11,7 +11,9 @@ from typing import Any
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.errors import LineError, one_line
 from foresee.infra.plug_in import PlugInError, load_plug_in
+from foresee.mapping.kernels import PACKAGES
 from foresee.prediction import BadPredictionError, Caller, Predictor
+from predictor.instructions import settle_instructions
 from predictor.provenance import weights_fingerprint
 from predictor.source import Source
 from predictor.weights import SUFFIX, WeightsError, read_facts
@@ -78,7 +80,8 @@ def is_plug_in(spec: str) -> bool:
 def fingerprint_of(spec: str) -> str | None:
     """Return the fingerprint of a predictor: of the code of a plug-in, and of the weights.
 
-    Code that cannot be read, such as that of a compiled module, does not count.
+    Code that cannot be read, such as that of a compiled module, does not count, nor does that of
+    this package's own predictors, whose drives are told apart by their weights.
 
     Args:
         spec: name of the predictor, as for `load_predictor`.
@@ -90,9 +93,9 @@ def fingerprint_of(spec: str) -> str | None:
         PredictorError: if the predictor cannot be loaded.
     """
     weights, code = weights_fingerprint(load_predictor(spec)), None
-    if is_plug_in(spec):
+    if plug_in := spec if is_plug_in(spec) else _foreign(spec):
         with suppress(PlugInError):
-            code = Source.of(spec).digest
+            code = Source.of(plug_in).digest
     return " and ".join(filter(None, (code, weights))) or None
 
 
@@ -121,6 +124,8 @@ def load_frontiers(spec: str) -> FrontierPredictor:
 
 def _named(name: str) -> Any:
     offered = entry_points(group=GROUP)
+    if _foreign(name):
+        settle_instructions()
     if name not in offered.names:
         raise PredictorError(
             f"no predictor is named {name!r}: choose one of {', '.join(available())}, "
@@ -157,7 +162,16 @@ def _of_weights(path: Path) -> Predictor:
     raise WeightsError(f"{path} holds weights of {architecture!r}, known are {known}")
 
 
+def _foreign(name: str) -> str | None:
+    """Return `package.module:Class` of a name that another package offers; None of any other."""
+    offered = entry_points(group=GROUP)
+    if name not in offered.names or offered[name].module.partition(".")[0] in PACKAGES:
+        return None
+    return offered[name].value
+
+
 def _imported(spec: str) -> Any:
+    settle_instructions()
     try:
         return load_plug_in(spec, "predictor")
     except PlugInError as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import threading
 import warnings
@@ -18,14 +17,13 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from predictor.instructions import older_instructions
+
 Runner = Callable[..., NDArray[np.float32]]
 RUNTIMES = ("openvino", "torch")
 """Names of the runtimes, the fastest first."""
 MOST_SIZES = 8
 """Number of input sizes for which compiled networks are kept."""
-NEWEST_INSTRUCTIONS = "AVX512_CORE_VNNI"
-"""Newest instruction set that OpenVINO may use, as oneDNN names it. With AMX, which is newer, sums
-of quantised networks are rounded in another way: drives would differ between processors."""
 
 
 def fastest_device() -> torch.device:
@@ -94,7 +92,7 @@ def _openvino(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Runner:
             sized = model.clone()
             sized.reshape({number: list(size) for number, size in enumerate(sizes)})
             settings = {"INFERENCE_NUM_THREADS": 1, "INFERENCE_PRECISION_HINT": "f32"}
-            with _older_instructions():
+            with older_instructions():
                 requests[sizes] = core.compile_model(sized, "CPU", settings).create_infer_request()
         return np.asarray(requests[sizes].infer(dict(enumerate(arrays)))[0])
 
@@ -123,24 +121,6 @@ def _converted(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Any:
     passes.register_pass(ConstantFolding())
     passes.run_passes(model)
     return model
-
-
-@contextmanager
-def _older_instructions() -> Iterator[None]:
-    """Hold OpenVINO to `NEWEST_INSTRUCTIONS`, unless the user has chosen an instruction set.
-
-    OpenVINO reads the variable when it first compiles a network, and has no other setting. It is
-    removed again, since PyTorch reads it as well, and trains faster without it.
-    """
-    variable = "ONEDNN_MAX_CPU_ISA"
-    if variable in os.environ:
-        yield
-        return
-    os.environ[variable] = NEWEST_INSTRUCTIONS
-    try:
-        yield
-    finally:
-        del os.environ[variable]
 
 
 @contextmanager

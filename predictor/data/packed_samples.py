@@ -158,7 +158,7 @@ class PackedSamples:
 
         # In threads, since zlib releases the interpreter's lock.
         with ThreadPoolExecutor() as threads:
-            list(threads.map(unpack, range(len(chosen)), chunksize=256))
+            list(threads.map(unpack, range(len(chosen))))
         return out
 
     @cached_property

@@ -235,6 +235,8 @@ def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset())
     """
     if config.topics and not config.world and (without := config.topics.changed()):
         raise UsageError(f"{without[0]} needs --world")
+    if not config.world and "--share" in config.changed():
+        raise UsageError("--share needs --world")
     own = OwnBuildings.read(config.world, config.topics)
     for line in own.skipped:
         print(f"skipped: {line}", file=sys.stderr)

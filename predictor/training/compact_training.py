@@ -74,9 +74,9 @@ class CompactTrainer(Trainer):
     ) -> None:
         self.config, self.train, self.validation = config, train, validation
         self.device = fastest_device()
-        self.brief = self.device.type == "cuda" or bool(
-            torch.cpu.get_capabilities().get("avx512_bf16")
-        )
+        # PyTorch tells the instructions of a processor from 2.11 on.
+        of_processor: dict[str, Any] = getattr(torch.cpu, "get_capabilities", dict)()
+        self.brief = self.device.type == "cuda" or bool(of_processor.get("avx512_bf16"))
         deterministic(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
         check_unlearned(before, validation)

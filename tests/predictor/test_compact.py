@@ -149,18 +149,38 @@ def openvino_answers():
     return np.array([(one.p_free, one.p_occupied, one.confidence) for one in answers])
 
 
-@pytest.mark.slow(7)
-def test_openvino_gives_the_same_answers_on_all_processors(tmp_path):
+class Compiling:
+    """A predictor of somebody else, which compiles a network before `compact` does."""
+
+    def __init__(self):
+        import openvino as ov
+        from openvino import opset15 as ops
+
+        given = ops.parameter([1, 1], np.float32)
+        ov.Core().compile_model(ov.Model([ops.abs(given)], [given]), "CPU")
+
+    def predict(self, view):
+        raise NotImplementedError
+
+
+@pytest.mark.slow(10)
+def test_openvino_gives_the_same_answers_on_all_processors_and_after_other_networks(tmp_path):
     pytest.importorskip("openvino")
-    there = "import sys, numpy, tests.predictor.test_compact as test\n"
-    there += "numpy.save(sys.argv[1], test.openvino_answers())"
-    subprocess.run(
-        [sys.executable, "-c", there, tmp_path / "answers.npy"],
-        cwd=CARDS.parents[2],
-        env=os.environ | {"ONEDNN_MAX_CPU_ISA": "AVX2"},
-        check=True,
-    )
-    assert np.array_equal(openvino_answers(), np.load(tmp_path / "answers.npy"))
+    other = "from predictor.registry import load_predictor\n"
+    other += "load_predictor('tests.predictor.test_compact:Compiling')\n"
+    answer = "import sys, numpy, tests.predictor.test_compact as test\n"
+    answer += "numpy.save(sys.argv[1], test.openvino_answers())"
+    older = {"ONEDNN_MAX_CPU_ISA": "AVX2"}
+    answers = []
+    for program, instructions in (answer, older), (other + answer, {}):
+        subprocess.run(
+            [sys.executable, "-c", program, tmp_path / "answers.npy"],
+            cwd=CARDS.parents[2],
+            env=os.environ | instructions,
+            check=True,
+        )
+        answers.append(np.load(tmp_path / "answers.npy"))
+    assert np.array_equal(*answers)
 
 
 def test_the_instructions_are_not_limited_for_other_libraries(compact):

@@ -9,7 +9,7 @@ import pytest
 from foresee.checking import check_predictor
 from predictor.extend import Extend
 from predictor.none import NoPrediction
-from predictor.registry import PredictorError, available, load_predictor
+from predictor.registry import PredictorError, available, fingerprint_of, load_predictor
 
 PLUG_IN = """
 import numpy as np
@@ -72,6 +72,21 @@ def test_a_factory_may_make_the_predictor(tmp_path, monkeypatch):
         """,
     )
     assert isinstance(load_predictor("my_factory:make"), NoPrediction)
+
+
+def test_the_code_of_a_predictor_that_a_package_offers_counts(tmp_path, monkeypatch):
+    module(tmp_path, monkeypatch, "my_offered", PLUG_IN)
+    offer = tmp_path / "my_offered-1.0.dist-info"
+    offer.mkdir()
+    (offer / "METADATA").write_text("Metadata-Version: 2.1\nName: my-offered\nVersion: 1.0\n")
+    entry = "[foresee.predictors]\nmy-net = my_offered:MyPredictor\n"
+    (offer / "entry_points.txt").write_text(entry)
+    monkeypatch.syspath_prepend(tmp_path)
+    before = fingerprint_of("my-net")
+    assert before == fingerprint_of("my_offered:MyPredictor")
+    (tmp_path / "my_offered.py").write_text(PLUG_IN.replace("iterations=10", "iterations=9"))
+    assert fingerprint_of("my-net") != before
+    assert fingerprint_of("extend") is None
 
 
 @pytest.mark.parametrize(

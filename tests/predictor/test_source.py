@@ -53,10 +53,11 @@ def test_a_change_of_a_covered_file_changes_the_fingerprint_of_an_entry(team, na
     assert (after.fingerprint != before.fingerprint) == (name in COVERED)
 
 
-def test_weights_that_a_driver_names_count(team):
+@pytest.mark.parametrize("of", ["Path", "str"])
+def test_weights_that_a_driver_names_count(team, of):
     weights = team / "my.onnx"
     (team / "my_tuned.py").write_text(
-        f"from pathlib import Path\nclass Learned:\n    weights = Path({str(weights)!r})\n"
+        f"from pathlib import Path\nclass Learned:\n    weights = {of}({str(weights)!r})\n"
     )
     with pytest.raises(WeightsError, match=r"my\.onnx cannot be read"):
         Entry.load("driver", "my_tuned:Learned")
