@@ -228,6 +228,8 @@ def _train_on_samples(
     if start is not None and is_layer:
         # Checked now, too, before hours of drives.
         check_start(start[0], out / WEIGHTS)
+    if is_layer and not drives.world and len(set(drives.families)) < 2:
+        raise TrainError("--families names one family: --arch kinds tells two or more apart")
     numbers = given(out=settings.data, train=compact.train, validation=compact.validation)
     drives = replace(drives, **numbers)
     # Made now, so that an unusable folder is reported before hours of drives.

@@ -39,6 +39,8 @@ USUAL_SIDE = 200
 ALONE = 0.2
 """Share of the samples that are used without their context, since the predictor may be called
 without one."""
+HELD = 0.5
+"""Largest share of a GPU's free memory that the samples may fill."""
 VALIDATED = 1024
 """Number of samples of a validation."""
 RANGED = 256
@@ -109,9 +111,10 @@ class CompactTrainer(Trainer):
         }
         for name in ("worlds", "validation_worlds"):
             facts[name] = sorted({*facts[name], *before.get(name, ())})
-        # A GPU is faster than what unpacks the samples, so it holds them all.
+        # A GPU is faster than what unpacks the samples, so it holds them all if it can.
         self.held: Tensor | None = None
-        if self.device.type == "cuda":
+        held = train.SIZE * len(train)
+        if self.device.type == "cuda" and held < HELD * torch.cuda.mem_get_info(self.device)[0]:
             self.held = self._unpacked(np.arange(len(train))).to(self.device)
         note_every = max(1, min(500, config.steps // 10))
         super().__init__(out / "compact.safetensors", facts, config.steps, note_every, self.device)
