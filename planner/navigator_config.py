@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.conventions import START_MARGIN, TICK
+from foresee.mapping.conventions import START_MARGIN
 from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from foresee.mapping.finite import check_finite
 from planner.guide.guide_config import GuideConfig
@@ -66,11 +66,6 @@ class NavigatorConfig:
             )
         if not self.expansion >= 1.0:
             raise ValueError(f"expansion is {self.expansion}, it must be at least 1")
-        if self.car.turn_rate > 0.0 and self.mpc.dt > TICK:
-            raise ValueError(
-                f"mpc.dt is {self.mpc.dt} s: a car that turns on the spot must be steered every "
-                f"{TICK} s, or it would turn too far"
-            )
         check_finite(self, "window", "deadline")
         check_finite(self, "start_margin", zero=True)
 

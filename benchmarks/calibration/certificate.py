@@ -32,7 +32,7 @@ HASHED = {
     "": "window expansion reliance level adapt steer start_margin deadline",
     "car": "v_max acceleration braking lateral_acceleration turning_radius reverse",
     "car.body": "length width",
-    "mpc": "dt progress contour final effort smoothness closeness comfort violation margin "
+    "mpc": "progress contour final effort smoothness closeness comfort violation margin "
     "curvature_step iterations tolerance",
     "guide": "every delay ahead better join beside turning_room leg_end onward",
     "guide.search": "slack batch iterations refinements",
@@ -41,7 +41,7 @@ HASHED = {
 }
 """Part of the planner's settings → names of the settings that are always hashed: those of the first
 calibrations. Never change them, or the published calibrations are refused."""
-REMOVED = {"oracle": False, "margin": 0.0}
+REMOVED = {"oracle": False, "margin": 0.0, "mpc.dt": 0.1}
 """Setting of the first calibrations that the planner no longer has → the value that it then had."""
 
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import ClassVar
 
 import daqp
 import numpy as np
@@ -53,7 +54,7 @@ class MPCConfig:
     """Settings of the MPC.
 
     Attributes:
-        dt: length of a step of the plan [s].
+        dt: length of a step of the plan [s], which is that of a tick: each control lasts for one.
         progress: reward for a metre of progress, for each stage.
         contour: weight w of the cost w/2 · d² of each stage, with its distance d from the path [m].
         final: the same weight at the last stage, and cost of 1 - cos(heading error) there: a plan
@@ -70,7 +71,7 @@ class MPCConfig:
         tolerance: relative decrease of the merit below which the iteration stops.
     """
 
-    dt: float = TICK
+    dt: ClassVar[float] = TICK
     progress: float = 1.0
     contour: float = 1.0
     final: tuple[float, float] = (6.0, 12.0)

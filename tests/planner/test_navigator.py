@@ -16,7 +16,7 @@ from foresee.mapping.scan import Scan
 from foresee.prediction import Prediction
 from planner.fault import Fault
 from planner.motion.path import Path as Way
-from planner.mpc.mpc import MPCConfig, Solution, Status
+from planner.mpc.mpc import Solution, Status
 from planner.navigator import Navigator
 from planner.navigator_config import NavigatorConfig
 from planner.risk.adaptive_level import DOUBT_KEPT
@@ -127,7 +127,6 @@ def test_without_a_safe_plan_what_was_kept_is_sent_as_it_was_tested():
         {"window": 0.0},
         {"deadline": math.nan},
         {"start_margin": -1.0},
-        {"mpc": MPCConfig(dt=0.2), "car": CarLimits(turn_rate=1.5)},
     ],
 )
 def test_settings_that_make_no_sense_are_refused(changes):
