@@ -69,12 +69,17 @@ class PackedSamples:
             drives: number of files to read, from the first on; None: all.
 
         Raises:
-            SamplesError: if there are no samples, a drive between others is missing, or a file is
-                damaged or of another format.
+            SamplesError: if there are no samples, fewer files than `drives`, a drive between others
+                is missing, or a file is damaged or of another format.
         """
         paths = sorted(folder.glob("*.npz"))[:drives] if folder.is_dir() else []
         if not paths:
             raise SamplesError(f"{folder} holds no samples: python -m {cls.COMMAND} makes some")
+        if drives is not None and len(paths) < drives:
+            raise SamplesError(
+                f"{folder} holds {len(paths)} of {drives} drives: give the command that makes them "
+                "again"
+            )
         numbers = [int(path.stem) for path in paths if path.stem.isdecimal()]
         lost = max(numbers) - min(numbers) + 1 - len(numbers) if numbers else 0
         if lost:

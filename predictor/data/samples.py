@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 Bytes = TypeVar("Bytes", NDArray[np.uint8], "Tensor")
 
 FORMAT = 5
+PLANNED = "planned.json"
+"""File in the folder of a set with the number of drives of each split that were asked for."""
 RECIPE = "recipe.json"
 """Name of the file, beside the folders of the splits, with the settings that samples were made
 with."""

@@ -8,6 +8,7 @@ simulated or the user's, are replayed as well.
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import sys
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.infra.atomic_file import write_whole
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_json import read_object
 from foresee.infra.resumable import ResumableFolder
@@ -28,7 +30,7 @@ from predictor.data.bag_config import BagConfig
 from predictor.data.frames import MANIFEST
 from predictor.data.laser_log import LaserLog
 from predictor.data.log_files import is_log, read_log
-from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
+from predictor.data.samples import FORMAT, PLANNED, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import decode_cells, encode_cells, truth_codes
 from predictor.data.survey import REACH, clipped, frame_around, surveyed
 from predictor.recording.own_buildings import OwnBuildings, log_hash, read_building
@@ -244,6 +246,8 @@ def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset())
         _check(config, own, learned)
     _claim(config, own)
     drives = {split: getattr(config, split) for split in DRIVES}
+    # For trainings that are not told how many drives there are.
+    write_whole(config.out / PLANNED, json.dumps(drives).encode())
     make_missing(config.out, drives, partial(record, config, own), jobs, "drive")
 
 

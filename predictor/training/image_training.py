@@ -13,9 +13,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from foresee.infra.errors import one_line
+from foresee.infra.plain_json import read_object
 from predictor.data.frames import Frames, FramesError
 from predictor.data.packed_samples import SamplesError
-from predictor.data.samples import RECIPE, Samples
+from predictor.data.samples import PLANNED, RECIPE, Samples
 from predictor.data.splits import check_apart
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
@@ -164,7 +166,10 @@ def load_frames(data: Path) -> list[Frames]:
 
 def _load_samples(data: Path) -> list[Samples]:
     """Read the samples of drives to train on, and those to validate on."""
+    planned: dict[str, Any] = {}
     try:
-        return [Samples.load(data / split) for split in ("train", "validation")]
-    except SamplesError as error:
-        raise TrainError(f"--data: {error}") from None
+        if (data / PLANNED).exists():
+            planned = read_object(data / PLANNED)
+        return [Samples.load(data / split, planned.get(split)) for split in ("train", "validation")]
+    except (SamplesError, OSError, ValueError, TypeError) as error:
+        raise TrainError(f"--data: {one_line(error)}") from None

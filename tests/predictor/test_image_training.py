@@ -337,6 +337,11 @@ def test_it_learns_from_compacts_drives_too(tmp_path, given):
         write_samples(folder / "0.npz", packed, {"world": split, "original": split})
     (tmp_path / "drives" / "recipe.json").write_text("{}")
     config = ImageConfig("unet_ff", 1.3, given=given, **TINY)
+    planned = tmp_path / "drives" / "planned.json"
+    planned.write_text('{"train": 1, "validation": 2}')
+    with pytest.raises(TrainError, match="holds 1 of 2 drives"):
+        train_images(config, ImageTraining(epochs=1), tmp_path / "drives", tmp_path / "out", 1)
+    planned.write_text('{"train": 1, "validation": 1}')
     path = train_images(config, ImageTraining(epochs=1), tmp_path / "drives", tmp_path / "out", 1)
     net, facts = load_weights(path, GreyNet)
     assert net.config.turned
