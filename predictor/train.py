@@ -218,6 +218,9 @@ def _train_on_samples(
             start = load_weights(source, CompactNet)
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
+        for name in ("worlds", "validation_worlds"):
+            if not isinstance(start[1].get(name, []), list):
+                raise TrainError(f"--start: {source}: {name} is no list of buildings")
         learned = frozenset(start[1].get("worlds", ()))
         training = replace(TUNING, start=start[1]["fingerprint"])
         out = settings.out or (KINDS if is_layer else TUNED[1])

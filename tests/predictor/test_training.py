@@ -256,6 +256,14 @@ def test_arguments_that_make_no_sense_are_refused(wrong, capsys):
     assert wrong[0] in capsys.readouterr().err
 
 
+def test_weights_to_start_from_whose_facts_are_damaged_are_named(tmp_path, capsys):
+    net, facts = load_weights(SHIPPED, CompactNet)
+    save_weights(tmp_path / "odd.safetensors", net, facts | {"worlds": 5})
+    assert main(["--start", str(tmp_path / "odd.safetensors"), "--data", str(tmp_path / "d")]) == 2
+    assert "worlds is no list" in capsys.readouterr().err
+    assert not (tmp_path / "d").exists()
+
+
 def test_weights_to_start_from_that_do_not_exist_are_named_before_any_drive(tmp_path, capsys):
     assert main(["--start", "no.safetensors", "--data", str(tmp_path / "data")]) == 2
     assert "no.safetensors does not exist" in capsys.readouterr().err
@@ -314,6 +322,8 @@ def test_a_layer_of_kinds_is_refused_before_samples_are_made(tmp_path, capsys):
     common = ["--arch", "kinds", "--data", str(tmp_path / "data"), "--out", str(tmp_path / "out")]
     assert main([*common, "--start", str(tmp_path / "bare.safetensors")]) == 2
     assert "has no context" in capsys.readouterr().err
+    assert main([*common, "--start", "compact", "--families", "corridor"]) == 2
+    assert "two or more apart" in capsys.readouterr().err
     (tmp_path / "out" / "compact.safetensors").touch()
     assert main([*common, "--start", "compact"]) == 2
     assert "exists: choose another" in capsys.readouterr().err
