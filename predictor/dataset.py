@@ -49,7 +49,7 @@ def _run(
     physical: Annotated[PhysicalConfig, Section("physical")],
     topics: Annotated[BagConfig, Section("physical")],
 ) -> None:
-    wrong = simulated.changed() if physical.log else physical.changed() + topics.changed()
+    wrong = simulated.changed() if physical.log else topics.changed()
     if wrong:
         raise UsageError(f"{wrong[0]} {'cannot be given with' if physical.log else 'needs'} --log")
     # Imported here, so that --help and bad arguments do not wait for slow imports.
