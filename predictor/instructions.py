@@ -1,6 +1,6 @@
-"""The instructions of the processor that OpenVINO uses: predictions shall not depend on them.
+"""Limit the instruction set that OpenVINO uses, so that predictions do not depend on the processor.
 
-It imports nothing that takes long, since drives without a network import it, too.
+OpenVINO is imported only where it is needed, since drives without a network import this module.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib.util import find_spec
 
 import numpy as np
@@ -36,8 +37,9 @@ def older_instructions() -> Iterator[None]:
         del os.environ[VARIABLE]
 
 
+@cache
 def settle_instructions() -> None:
-    """Let OpenVINO read the variable now, before code that is not ours compiles a network."""
+    """Let OpenVINO read `VARIABLE` now, before another package compiles a network."""
     if not find_spec("openvino"):
         return
     import openvino as ov

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from functools import partial
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +93,9 @@ def fingerprint_of(spec: str) -> str | None:
         PredictorError: if the predictor cannot be loaded.
     """
     weights, code = weights_fingerprint(load_predictor(spec)), None
-    if plug_in := spec if is_plug_in(spec) else _foreign(spec):
+    offered = entry_points(group=GROUP, name=spec)
+    plug_ins = [spec] if is_plug_in(spec) else [e.value for e in offered if _is_foreign(e)]
+    for plug_in in plug_ins:
         with suppress(PlugInError):
             code = Source.of(plug_in).digest
     return " and ".join(filter(None, (code, weights))) or None
@@ -124,13 +126,13 @@ def load_frontiers(spec: str) -> FrontierPredictor:
 
 def _named(name: str) -> Any:
     offered = entry_points(group=GROUP)
-    if _foreign(name):
-        settle_instructions()
     if name not in offered.names:
         raise PredictorError(
             f"no predictor is named {name!r}: choose one of {', '.join(available())}, "
             f"or give package.module:Class, or a file of weights, FILE{SUFFIX}"
         )
+    if _is_foreign(offered[name]):
+        settle_instructions()
     try:
         return offered[name].load()
     except (Exception, SystemExit) as error:
@@ -162,12 +164,9 @@ def _of_weights(path: Path) -> Predictor:
     raise WeightsError(f"{path} holds weights of {architecture!r}, known are {known}")
 
 
-def _foreign(name: str) -> str | None:
-    """Return `package.module:Class` of a name that another package offers; None of any other."""
-    offered = entry_points(group=GROUP)
-    if name not in offered.names or offered[name].module.partition(".")[0] in PACKAGES:
-        return None
-    return offered[name].value
+def _is_foreign(entry: EntryPoint) -> bool:
+    """Return whether another package offers a predictor."""
+    return entry.module.partition(".")[0] not in PACKAGES
 
 
 def _imported(spec: str) -> Any:
